@@ -1,0 +1,128 @@
+//! What can be wrong with parameters. Hot paths never fail; constructors do,
+//! once, with one sentence: what, found, expected.
+
+use core::fmt;
+
+/// A parameter that a constructor refuses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Error {
+    /// A number is NaN or infinite.
+    NotFinite {
+        /// The parameter.
+        name: &'static str,
+    },
+    /// A number lies outside its range.
+    OutOfRange {
+        /// The parameter.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// Smallest accepted.
+        min: f64,
+        /// Largest accepted.
+        max: f64,
+    },
+    /// A matrix is not symmetric, or not positive (semi-)definite.
+    NotPositiveDefinite {
+        /// The parameter.
+        name: &'static str,
+        /// Smallest eigenvalue of its symmetric part.
+        smallest_eigenvalue: f64,
+    },
+    /// A matrix differs from its transpose.
+    NotSymmetric {
+        /// The parameter.
+        name: &'static str,
+        /// Largest difference.
+        defect: f64,
+    },
+    /// A matrix is not a rotation.
+    NotRotation {
+        /// The parameter.
+        name: &'static str,
+        /// Largest entry of `R^T R - I`, or the determinant's distance from one.
+        defect: f64,
+    },
+    /// Too many or too few of something.
+    Count {
+        /// What is counted.
+        name: &'static str,
+        /// How many were given.
+        found: usize,
+        /// Fewest accepted.
+        min: usize,
+        /// Most accepted.
+        max: usize,
+    },
+    /// One rotor's parameter lies outside its range.
+    Rotor {
+        /// The rotor, from 1.
+        rotor: usize,
+        /// The parameter.
+        name: &'static str,
+        /// What was given.
+        found: f64,
+        /// What is expected.
+        expected: &'static str,
+    },
+    /// The allocation matrix does not reach all six directions of the wrench.
+    NotFullyActuated {
+        /// Its rank.
+        rank: usize,
+        /// Ratio of its largest to its smallest singular value.
+        condition: f64,
+        /// A rotor (from 1) whose column the others already span.
+        rotor: usize,
+    },
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NotFinite { name } => {
+                write!(f, "{name} holds a NaN or an infinity; expected finite numbers")
+            }
+            Self::OutOfRange { name, found, min, max } => {
+                write!(f, "{name} is {found}; expected a number from {min} to {max}")
+            }
+            Self::NotPositiveDefinite { name, smallest_eigenvalue } => write!(
+                f,
+                "{name} has the eigenvalue {smallest_eigenvalue:.3e}; expected a positive definite matrix"
+            ),
+            Self::NotSymmetric { name, defect } => {
+                write!(f, "{name} differs from its transpose by {defect:.3e}; expected a symmetric matrix")
+            }
+            Self::NotRotation { name, defect } => write!(
+                f,
+                "{name} is {defect:.3e} away from a rotation; expected an orthonormal matrix with determinant +1"
+            ),
+            Self::Count { name, found, min, max } => {
+                write!(f, "{found} {name} were given; expected {min} to {max}")
+            }
+            Self::Rotor { rotor, name, found, expected } => {
+                write!(f, "rotor {rotor} has {name} = {found}; expected {expected}")
+            }
+            Self::NotFullyActuated { rank, condition, rotor } => write!(
+                f,
+                "the allocation matrix has rank {rank} of 6 (condition number {condition:.3e}); \
+                 rotor {rotor} adds no new direction: tilt it, or use a vehicle that is not fully actuated"
+            ),
+        }
+    }
+}
+
+impl core::error::Error for Error {}
+
+/// Refuses a number that is not finite or not within `min..=max`.
+///
+/// # Errors
+/// [`Error::NotFinite`] or [`Error::OutOfRange`], which name the parameter.
+pub fn check_range(name: &'static str, found: f64, min: f64, max: f64) -> Result<(), Error> {
+    if !found.is_finite() {
+        Err(Error::NotFinite { name })
+    } else if found < min || found > max {
+        Err(Error::OutOfRange { name, found, min, max })
+    } else {
+        Ok(())
+    }
+}

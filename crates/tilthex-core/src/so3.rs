@@ -1,0 +1,315 @@
+//! Rotations: the maps between so(3), as 3-vectors, and SO(3), as matrices.
+//!
+//! Near 0 and near pi each map uses the form that keeps its full precision there.
+
+use crate::{
+    Error,
+    types::{Matrix3, Vector3},
+};
+use libm::{acos, atan2, cos, fabs, sin, sqrt};
+
+/// Below this squared angle the trigonometric ratios are summed as series.
+const SMALL_ANGLE_SQUARED: f64 = 1e-2;
+
+/// `hat(a) b = a x b`.
+#[must_use]
+pub fn hat(a: &Vector3) -> Matrix3 {
+    Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
+}
+
+/// Inverse of [`hat`]; of a matrix that is not skew, that of its skew part:
+/// `1/2 vee(A - A^T)` of the paper's (15) and (28) is `vee(A)` here.
+#[must_use]
+pub fn vee(m: &Matrix3) -> Vector3 {
+    0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)])
+}
+
+/// sin(t)/t, (1-cos(t))/t^2 and (t-sin(t))/t^3 of t^2.
+fn ratios(t2: f64) -> (f64, f64, f64) {
+    if t2 < SMALL_ANGLE_SQUARED {
+        let a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0)));
+        let b = 0.5 * (1.0 - t2 / 12.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0 * (1.0 - t2 / 90.0))));
+        let c = (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0 * (1.0 - t2 / 110.0)))) / 6.0;
+        (a, b, c)
+    } else {
+        let t = sqrt(t2);
+        let (s, h) = (sin(t), sin(0.5 * t));
+        (s / t, 2.0 * h * h / t2, (t - s) / (t2 * t))
+    }
+}
+
+/// The rotation by the angle `|v|` about `v` (Rodrigues).
+#[must_use]
+pub fn exp(v: &Vector3) -> Matrix3 {
+    let (a, b, _) = ratios(v.norm_squared());
+    let w = a * v;
+    // I + a hat(v) + b hat(v)^2, written out: the hot path of the estimator.
+    let (xx, yy, zz) = (b * v.x * v.x, b * v.y * v.y, b * v.z * v.z);
+    let (xy, xz, yz) = (b * v.x * v.y, b * v.x * v.z, b * v.y * v.z);
+    Matrix3::new(
+        1.0 - yy - zz,
+        xy - w.z,
+        xz + w.y,
+        xy + w.z,
+        1.0 - xx - zz,
+        yz - w.x,
+        xz - w.y,
+        yz + w.x,
+        1.0 - xx - yy,
+    )
+}
+
+/// The rotation vector of `r`, with an angle in `[0, pi]`.
+///
+/// At exactly pi both signs are right; the one whose largest component is
+/// positive is returned.
+#[must_use]
+pub fn log(r: &Matrix3) -> Vector3 {
+    // The unit quaternion, by the largest of its four components (Shepperd),
+    // is exact to rounding at every angle, unlike the trace.
+    let (m00, m11, m22) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
+    let skew = 2.0 * vee(r);
+    let trace = m00 + m11 + m22;
+    let (mut w, mut v) = if trace >= m00 && trace >= m11 && trace >= m22 {
+        (1.0 + trace, skew)
+    } else if m00 >= m11 && m00 >= m22 {
+        let xy = r[(0, 1)] + r[(1, 0)];
+        let xz = r[(0, 2)] + r[(2, 0)];
+        (skew.x, Vector3::new(1.0 + m00 - m11 - m22, xy, xz))
+    } else if m11 >= m22 {
+        let xy = r[(0, 1)] + r[(1, 0)];
+        let yz = r[(1, 2)] + r[(2, 1)];
+        (skew.y, Vector3::new(xy, 1.0 + m11 - m00 - m22, yz))
+    } else {
+        let xz = r[(0, 2)] + r[(2, 0)];
+        let yz = r[(1, 2)] + r[(2, 1)];
+        (skew.z, Vector3::new(xz, yz, 1.0 + m22 - m00 - m11))
+    };
+    if w < 0.0 {
+        w = -w;
+        v = -v;
+    }
+    let n = v.norm();
+    let q = n / w;
+    if q * q < 1e-10 {
+        // 2 atan(q)/n -> 2/w (1 - q^2/3), with no division by n.
+        return v * (2.0 / w * (1.0 - q * q / 3.0));
+    }
+    v * (2.0 * atan2(n, w) / n)
+}
+
+/// Angle of the rotation, rad, in `[0, pi]`.
+#[must_use]
+pub fn angle(r: &Matrix3) -> f64 {
+    log(r).norm()
+}
+
+/// `J` with `exp(v + J^-1 d) ~ exp(d) exp(v)`: the left Jacobian of [`exp`].
+/// It is also the mean of `exp(s v)` over `s` in `[0, 1]`.
+#[must_use]
+pub fn left_jacobian(v: &Vector3) -> Matrix3 {
+    let (_, b, c) = ratios(v.norm_squared());
+    let h = hat(v);
+    Matrix3::identity() + b * h + c * h * h
+}
+
+/// Inverse of [`left_jacobian`], for angles below 2 pi.
+#[must_use]
+pub fn left_jacobian_inverse(v: &Vector3) -> Matrix3 {
+    let t2 = v.norm_squared();
+    let (a, b, _) = ratios(t2);
+    let c = if t2 < SMALL_ANGLE_SQUARED {
+        (1.0 + t2 / 60.0 * (1.0 + t2 / 42.0 * (1.0 + t2 / 40.0))) / 12.0
+    } else {
+        (1.0 - 0.5 * a / b) / t2
+    };
+    let h = hat(v);
+    Matrix3::identity() - 0.5 * h + c * h * h
+}
+
+/// The rotation nearest to `m` (Frobenius norm), for `m` near a rotation:
+/// Newton's iteration for the polar factor. None where it does not converge
+/// (`m` is singular, not finite, or reflects).
+#[must_use]
+pub fn project(m: &Matrix3) -> Option<Matrix3> {
+    let mut r = *m;
+    for _ in 0..40 {
+        let next = 0.5 * (r + r.try_inverse()?.transpose());
+        let change = (next - r).amax();
+        r = next;
+        if change < 1e-15 {
+            break;
+        }
+    }
+    let rotation = rotation_defect(&r) < 1e-12;
+    rotation.then_some(r)
+}
+
+/// Largest entry of `R^T R - I`, or `|det R - 1|` where that is larger. NaN if `r` holds one.
+#[must_use]
+pub fn rotation_defect(r: &Matrix3) -> f64 {
+    let skewness = (r.transpose() * r - Matrix3::identity())
+        .iter()
+        .fold(0.0, |worst: f64, x| if x.is_nan() || fabs(*x) > worst { fabs(*x) } else { worst });
+    let det = fabs(r.determinant() - 1.0);
+    if skewness >= det { skewness } else { det }
+}
+
+/// Refuses a matrix that is not a rotation to `1e-6`.
+///
+/// # Errors
+/// [`Error::NotFinite`] or [`Error::NotRotation`], which name the parameter.
+pub fn check_rotation(name: &'static str, r: &Matrix3) -> Result<(), Error> {
+    if r.iter().any(|x| !x.is_finite()) {
+        return Err(Error::NotFinite { name });
+    }
+    let defect = rotation_defect(r);
+    if defect > 1e-6 { Err(Error::NotRotation { name, defect }) } else { Ok(()) }
+}
+
+/// Rotation about x by `angle`, rad.
+#[must_use]
+pub fn rot_x(angle: f64) -> Matrix3 {
+    let (s, c) = (sin(angle), cos(angle));
+    Matrix3::new(1.0, 0.0, 0.0, 0.0, c, -s, 0.0, s, c)
+}
+
+/// Rotation about y by `angle`, rad.
+#[must_use]
+pub fn rot_y(angle: f64) -> Matrix3 {
+    let (s, c) = (sin(angle), cos(angle));
+    Matrix3::new(c, 0.0, s, 0.0, 1.0, 0.0, -s, 0.0, c)
+}
+
+/// Rotation about z by `angle`, rad.
+#[must_use]
+pub fn rot_z(angle: f64) -> Matrix3 {
+    let (s, c) = (sin(angle), cos(angle));
+    Matrix3::new(c, -s, 0.0, s, c, 0.0, 0.0, 0.0, 1.0)
+}
+
+/// Rotation matrix of a quaternion given as `(x, y, z, w)`; None where its norm
+/// is not within 1 % of one (a corrupted sample).
+#[must_use]
+pub fn from_quaternion_xyzw(q: [f64; 4]) -> Option<Matrix3> {
+    let [x, y, z, w] = q;
+    let n2 = x * x + y * y + z * z + w * w;
+    if !n2.is_finite() || fabs(n2 - 1.0) > 0.02 {
+        return None;
+    }
+    let s = 2.0 / n2;
+    Some(Matrix3::new(
+        1.0 - s * (y * y + z * z),
+        s * (x * y - z * w),
+        s * (x * z + y * w),
+        s * (x * y + z * w),
+        1.0 - s * (x * x + z * z),
+        s * (y * z - x * w),
+        s * (x * z - y * w),
+        s * (y * z + x * w),
+        1.0 - s * (x * x + y * y),
+    ))
+}
+
+/// Quaternion `(x, y, z, w)`, `w >= 0`, of a rotation matrix.
+#[must_use]
+pub fn to_quaternion_xyzw(r: &Matrix3) -> [f64; 4] {
+    let v = log(r);
+    let (a, _, _) = ratios(0.25 * v.norm_squared());
+    let half = 0.5 * a * v;
+    [half.x, half.y, half.z, cos(0.5 * v.norm())]
+}
+
+/// Tilt: the angle between body z and world z, rad.
+#[must_use]
+pub fn tilt(rotation_wr: &Matrix3) -> f64 {
+    acos(rotation_wr[(2, 2)].clamp(-1.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f64::consts::PI;
+    use proptest::prelude::*;
+
+    fn unit() -> impl Strategy<Value = Vector3> {
+        prop::array::uniform3(-1.0..1.0f64)
+            .prop_map(Vector3::from)
+            .prop_filter("not too short", |v| v.norm() > 0.1)
+            .prop_map(|v| v.normalize())
+    }
+
+    /// Angles where the maps change their form, and everything between.
+    fn angles() -> impl Strategy<Value = f64> {
+        prop_oneof![
+            0.0..PI,
+            (-18.0..0.0f64).prop_map(|e| libm::pow(10.0, e)),
+            (-18.0..0.0f64).prop_map(|e| PI - libm::pow(10.0, e)),
+        ]
+    }
+
+    proptest! {
+        #[test]
+        fn exp_is_a_rotation(a in unit(), t in angles()) {
+            prop_assert!(rotation_defect(&exp(&(t * a))) < 1e-14);
+        }
+
+        #[test]
+        fn log_inverts_exp(a in unit(), t in angles()) {
+            let v = t * a;
+            let back = log(&exp(&v));
+            // At pi itself -v is the same rotation.
+            let distance = (back - v).norm().min(if PI - t < 1e-7 { (back + v).norm() } else { 9.0 });
+            prop_assert!(distance < 1e-12, "{distance:e}");
+        }
+
+        #[test]
+        fn exp_inverts_log(a in unit(), t in angles()) {
+            let r = exp(&(t * a));
+            prop_assert!((exp(&log(&r)) - r).amax() < 1e-12);
+        }
+
+        #[test]
+        fn jacobian_has_its_inverse(a in unit(), t in angles()) {
+            let v = t * a;
+            prop_assert!((left_jacobian(&v) * left_jacobian_inverse(&v) - Matrix3::identity()).amax() < 1e-12);
+        }
+
+        #[test]
+        fn jacobian_is_the_derivative(a in unit(), t in 0.0..3.0f64, b in unit()) {
+            let (v, d) = (t * a, 1e-6 * b);
+            let moved = exp(&(v + left_jacobian_inverse(&v) * d));
+            prop_assert!((moved - exp(&d) * exp(&v)).amax() < 1e-10);
+        }
+
+        #[test]
+        fn projection_finds_the_rotation(a in unit(), t in angles(), scale in 0.5..2.0f64) {
+            let r = exp(&(t * a));
+            let found = project(&(scale * r)).unwrap();
+            prop_assert!((found - r).amax() < 1e-12);
+        }
+
+        #[test]
+        fn quaternion_round_trip(a in unit(), t in angles()) {
+            let r = exp(&(t * a));
+            let back = from_quaternion_xyzw(to_quaternion_xyzw(&r)).unwrap();
+            prop_assert!((back - r).amax() < 1e-12);
+        }
+
+        #[test]
+        fn vee_inverts_hat(a in unit(), b in unit()) {
+            prop_assert_eq!(vee(&hat(&a)), a);
+            prop_assert!((hat(&a) * b - a.cross(&b)).amax() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn a_reflection_is_no_rotation() {
+        assert!(project(&-Matrix3::identity()).is_none());
+        assert!(project(&Matrix3::zeros()).is_none());
+        assert!(check_rotation("r", &-Matrix3::identity()).is_err());
+        let mut r = Matrix3::identity();
+        r[(0, 0)] = f64::NAN;
+        assert_eq!(check_rotation("r", &r), Err(Error::NotFinite { name: "r" }));
+    }
+}

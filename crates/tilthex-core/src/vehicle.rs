@@ -1,0 +1,410 @@
+//! The vehicle: mass, rotors, tool and IMU, and the allocation matrix; (3)-(10).
+
+use crate::{
+    Error, GRAVITY,
+    error::check_range,
+    so3,
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector3},
+};
+use nalgebra::SMatrix;
+
+/// Maps rotor inputs to the body wrench `[force_r; torque_r]`; zero columns past the rotor count.
+pub type Allocation = SMatrix<f64, 6, MAX_ROTORS>;
+/// Maps a body wrench to rotor inputs; zero rows past the rotor count.
+pub type AllocationInverse = SMatrix<f64, MAX_ROTORS, 6>;
+
+/// One rotor, fixed to the airframe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rotor {
+    /// Centre of rotation from the centre of mass, m, robot coordinates.
+    pub position_r: Vector3,
+    /// Direction of the thrust, unit vector, robot coordinates.
+    pub axis_r: Vector3,
+    /// +1 or -1: the sign of the drag moment about the thrust axis at positive speed.
+    pub spin: f64,
+    /// Thrust coefficient c_f, N/Hz^2.
+    pub thrust_coefficient: f64,
+    /// Drag-moment coefficient c_tau, N m/Hz^2.
+    pub drag_coefficient: f64,
+    /// Lowest speed, Hz.
+    pub min_speed: f64,
+    /// Highest speed, Hz.
+    pub max_speed: f64,
+}
+
+/// Where something is rigidly fixed to the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mounting {
+    /// Its origin from the centre of mass, m, robot coordinates.
+    pub position_r: Vector3,
+    /// Its orientation: maps its own coordinates to robot coordinates.
+    pub rotation_r: Matrix3,
+}
+
+impl Default for Mounting {
+    fn default() -> Self {
+        Self { position_r: Vector3::zeros(), rotation_r: Matrix3::identity() }
+    }
+}
+
+/// A hexarotor with tilted propellers, (4)-(5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TiltedHexarotor {
+    /// Distance from the centre to each tilting centre, m.
+    pub arm: f64,
+    /// From the tilting centre to the rotor, m, in the rotor's own tilted frame.
+    pub rotor_offset: Vector3,
+    /// Tilt about the arm, rad; its sign alternates from rotor to rotor.
+    pub alpha: f64,
+    /// Tilt towards the centre, rad.
+    pub beta: f64,
+    /// Thrust coefficient, N/Hz^2.
+    pub thrust_coefficient: f64,
+    /// Drag-moment coefficient, N m/Hz^2.
+    pub drag_coefficient: f64,
+    /// Lowest speed, Hz.
+    pub min_speed: f64,
+    /// Highest speed, Hz.
+    pub max_speed: f64,
+}
+
+impl TiltedHexarotor {
+    /// The six rotors, counter-clockwise from the x axis.
+    #[must_use]
+    pub fn rotors(&self) -> [Rotor; 6] {
+        core::array::from_fn(|i| {
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let yaw = so3::rot_z(i as f64 * core::f64::consts::FRAC_PI_3);
+            let rotation = yaw * so3::rot_x(sign * self.alpha) * so3::rot_y(self.beta);
+            Rotor {
+                // (5) prints the arm as I and does not turn the offset; see control.md section 9.
+                position_r: yaw * Vector3::new(self.arm, 0.0, 0.0) + rotation * self.rotor_offset,
+                axis_r: rotation * Vector3::z(),
+                spin: sign,
+                thrust_coefficient: self.thrust_coefficient,
+                drag_coefficient: self.drag_coefficient,
+                min_speed: self.min_speed,
+                max_speed: self.max_speed,
+            }
+        })
+    }
+}
+
+/// A validated vehicle. Fields are read, never written: build a new one instead.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vehicle {
+    mass: f64,
+    inertia: Matrix3,
+    inertia_inverse: Matrix3,
+    rotors: [Rotor; MAX_ROTORS],
+    rotor_count: usize,
+    rotor_time_constant: f64,
+    tool: Mounting,
+    imu: Mounting,
+    allocation: Allocation,
+    allocation_inverse: AllocationInverse,
+    rank: usize,
+    condition: f64,
+}
+
+/// Singular values below this part of the largest count as zero.
+const RANK_TOLERANCE: f64 = 1e-9;
+
+impl Vehicle {
+    /// Checks and combines the parts of a vehicle.
+    ///
+    /// `inertia` is about the centre of mass, kg m^2, robot coordinates;
+    /// `rotor_time_constant` is that of the speed's first-order lag, s.
+    ///
+    /// # Errors
+    /// Names the parameter or the rotor that can not be; a vehicle whose
+    /// allocation matrix has not rank 6 is refused with its rank and condition.
+    pub fn new(
+        mass: f64,
+        inertia: Matrix3,
+        rotors: &[Rotor],
+        rotor_time_constant: f64,
+        tool: Mounting,
+        imu: Mounting,
+    ) -> Result<Self, Error> {
+        check_range("mass", mass, 1e-3, 1e3)?;
+        check_range("rotor_time_constant", rotor_time_constant, 0.0, 1.0)?;
+        let inertia_inverse = check_inertia(&inertia)?;
+        check_mounting("tool_position", "tool_rotation", &tool)?;
+        check_mounting("imu_position", "imu_rotation", &imu)?;
+        if !(1..=MAX_ROTORS).contains(&rotors.len()) {
+            return Err(Error::Count { name: "rotors", found: rotors.len(), min: 1, max: MAX_ROTORS });
+        }
+        let mut allocation = Allocation::zeros();
+        let mut padded = [rotors[0]; MAX_ROTORS];
+        for (i, rotor) in rotors.iter().enumerate() {
+            check_rotor(i + 1, rotor)?;
+            padded[i] = *rotor;
+            allocation.set_column(i, &column(rotor));
+        }
+        let (rank, condition, allocation_inverse) = pseudo_inverse(&allocation);
+        if rank < 6 {
+            let rotor = redundant_rotor(&allocation, rotors.len(), rank);
+            return Err(Error::NotFullyActuated { rank, condition, rotor });
+        }
+        Ok(Self {
+            mass,
+            inertia,
+            inertia_inverse,
+            rotors: padded,
+            rotor_count: rotors.len(),
+            rotor_time_constant,
+            tool,
+            imu,
+            allocation,
+            allocation_inverse,
+            rank,
+            condition,
+        })
+    }
+
+    /// The same vehicle with another tool.
+    ///
+    /// # Errors
+    /// Where the mounting holds no finite position or no rotation.
+    pub fn with_tool(mut self, tool: Mounting) -> Result<Self, Error> {
+        check_mounting("tool_position", "tool_rotation", &tool)?;
+        self.tool = tool;
+        Ok(self)
+    }
+
+    /// Mass of vehicle and tool, kg.
+    #[must_use]
+    pub fn mass(&self) -> f64 {
+        self.mass
+    }
+
+    /// Inertia about the centre of mass, kg m^2, robot coordinates.
+    #[must_use]
+    pub fn inertia(&self) -> &Matrix3 {
+        &self.inertia
+    }
+
+    /// Inverse of [`Self::inertia`].
+    #[must_use]
+    pub fn inertia_inverse(&self) -> &Matrix3 {
+        &self.inertia_inverse
+    }
+
+    /// The rotors.
+    #[must_use]
+    pub fn rotors(&self) -> &[Rotor] {
+        &self.rotors[..self.rotor_count]
+    }
+
+    /// Number of rotors.
+    #[must_use]
+    pub fn rotor_count(&self) -> usize {
+        self.rotor_count
+    }
+
+    /// Time constant of the rotor speed's first-order lag, s.
+    #[must_use]
+    pub fn rotor_time_constant(&self) -> f64 {
+        self.rotor_time_constant
+    }
+
+    /// Where the tool is (p_E^R, R_E^R).
+    #[must_use]
+    pub fn tool(&self) -> &Mounting {
+        &self.tool
+    }
+
+    /// Where the IMU is (p_I^R, R_I^R).
+    #[must_use]
+    pub fn imu(&self) -> &Mounting {
+        &self.imu
+    }
+
+    /// `A = [F1; F2]`, N/Hz^2 and N m/Hz^2: body wrench `= A u`; (8)-(9).
+    #[must_use]
+    pub fn allocation(&self) -> &Allocation {
+        &self.allocation
+    }
+
+    /// Pseudo-inverse of `A`: its inverse for six rotors, minimum norm above.
+    #[must_use]
+    pub fn allocation_inverse(&self) -> &AllocationInverse {
+        &self.allocation_inverse
+    }
+
+    /// Rank of `A`.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// Condition number of `A`: largest by smallest non-zero singular value.
+    #[must_use]
+    pub fn condition(&self) -> f64 {
+        self.condition
+    }
+
+    /// Body wrench `[F1 u; F2 u]` of rotor speeds in Hz.
+    #[must_use]
+    pub fn body_wrench(&self, rotor_speeds: &RotorVector) -> crate::Wrench {
+        crate::Wrench::from_vector(&(self.allocation * inputs(rotor_speeds)))
+    }
+
+    /// Rotor speeds, Hz, that hold the vehicle still at an orientation without
+    /// contact, before any limit.
+    #[must_use]
+    pub fn hover_speeds(&self, rotation_wr: &Matrix3) -> RotorVector {
+        let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, self.mass * GRAVITY);
+        let wrench = crate::Wrench { force: weight_r, torque: Vector3::zeros() };
+        speeds(&(self.allocation_inverse * wrench.to_vector()))
+    }
+}
+
+/// Rotor inputs `u = w |w|`, Hz^2, of speeds, Hz.
+#[must_use]
+pub fn inputs(speeds: &RotorVector) -> RotorVector {
+    speeds.map(|w| w * libm::fabs(w))
+}
+
+/// Rotor speeds, Hz, of inputs, Hz^2: inverse of [`inputs`].
+#[must_use]
+pub fn speeds(inputs: &RotorVector) -> RotorVector {
+    inputs.map(|u| libm::copysign(libm::sqrt(libm::fabs(u)), u))
+}
+
+fn column(rotor: &Rotor) -> nalgebra::Vector6<f64> {
+    let force = rotor.thrust_coefficient * rotor.axis_r;
+    let torque = rotor.position_r.cross(&force) + rotor.spin * rotor.drag_coefficient * rotor.axis_r;
+    crate::Wrench { force, torque }.to_vector()
+}
+
+fn check_inertia(inertia: &Matrix3) -> Result<Matrix3, Error> {
+    let name = "inertia";
+    if inertia.iter().any(|x| !x.is_finite()) {
+        return Err(Error::NotFinite { name });
+    }
+    let defect = (inertia - inertia.transpose()).amax();
+    if defect > 1e-9 * inertia.amax() {
+        return Err(Error::NotSymmetric { name, defect });
+    }
+    let smallest_eigenvalue = inertia.symmetric_eigenvalues().min();
+    let refused = Error::NotPositiveDefinite { name, smallest_eigenvalue };
+    if smallest_eigenvalue <= 0.0 {
+        return Err(refused);
+    }
+    inertia.try_inverse().ok_or(refused)
+}
+
+fn check_mounting(position: &'static str, rotation: &'static str, m: &Mounting) -> Result<(), Error> {
+    for x in m.position_r.iter() {
+        check_range(position, *x, -100.0, 100.0)?;
+    }
+    so3::check_rotation(rotation, &m.rotation_r)
+}
+
+fn check_rotor(rotor: usize, r: &Rotor) -> Result<(), Error> {
+    let refuse = |name, found, expected| Err(Error::Rotor { rotor, name, found, expected });
+    if let Some(x) = r.position_r.iter().find(|x| !x.is_finite()) {
+        return refuse("position", *x, "finite numbers");
+    }
+    let length = r.axis_r.norm();
+    if !length.is_finite() || libm::fabs(length - 1.0) > 1e-6 {
+        return refuse("length of axis", length, "a unit vector");
+    }
+    if libm::fabs(r.spin) != 1.0 {
+        return refuse("spin", r.spin, "1 or -1");
+    }
+    if !r.thrust_coefficient.is_finite() || r.thrust_coefficient <= 0.0 {
+        return refuse("thrust_coefficient", r.thrust_coefficient, "a positive number (N/Hz^2)");
+    }
+    if !r.drag_coefficient.is_finite() || r.drag_coefficient < 0.0 {
+        return refuse("drag_coefficient", r.drag_coefficient, "zero or a positive number (N m/Hz^2)");
+    }
+    if !r.min_speed.is_finite() || r.min_speed.abs() > 1e4 {
+        return refuse("min_speed", r.min_speed, "a finite number (Hz)");
+    }
+    if !(r.max_speed.is_finite() && r.max_speed > r.min_speed && r.max_speed <= 1e4) {
+        return refuse("max_speed", r.max_speed, "a number above min_speed, up to 10000 (Hz)");
+    }
+    Ok(())
+}
+
+/// Rank, condition number and pseudo-inverse.
+fn pseudo_inverse(a: &Allocation) -> (usize, f64, AllocationInverse) {
+    let svd = a.svd(true, true);
+    let largest = svd.singular_values.max();
+    let floor = largest * RANK_TOLERANCE;
+    let rank = svd.singular_values.iter().filter(|s| **s > floor).count();
+    let smallest = svd.singular_values.iter().filter(|s| **s > floor).fold(largest, |m, s| m.min(*s));
+    let inverse = svd.pseudo_inverse(floor).unwrap_or_else(|_| AllocationInverse::zeros());
+    (rank, largest / smallest, inverse)
+}
+
+/// A rotor, from 1, whose absence leaves the rank as it is.
+fn redundant_rotor(a: &Allocation, count: usize, rank: usize) -> usize {
+    let without = |i: usize| {
+        let mut b = *a;
+        b.column_mut(i).fill(0.0);
+        pseudo_inverse(&b).0
+    };
+    (0..count).find(|i| without(*i) == rank).unwrap_or(count.saturating_sub(1)) + 1
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    /// The paper's table 1 with the published rotor figures (control.md section 9).
+    pub(crate) fn tilt_hex() -> Vehicle {
+        let hexarotor = TiltedHexarotor {
+            arm: 0.39,
+            rotor_offset: Vector3::zeros(),
+            alpha: 35f64.to_radians(),
+            beta: 10f64.to_radians(),
+            thrust_coefficient: 11.4e-4,
+            drag_coefficient: 2.4e-5,
+            min_speed: 16.0,
+            max_speed: 110.0,
+        };
+        let tool = Mounting { position_r: Vector3::new(0.12, 0.0, -0.4), ..Mounting::default() };
+        let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
+        Vehicle::new(2.4, inertia, &hexarotor.rotors(), 0.03, tool, Mounting::default()).unwrap()
+    }
+
+    #[test]
+    fn hover_carries_the_weight_and_nothing_else() {
+        let vehicle = tilt_hex();
+        for rotation in [Matrix3::identity(), so3::rot_x(0.2) * so3::rot_y(-0.1) * so3::rot_z(2.0)] {
+            let wrench = vehicle.body_wrench(&vehicle.hover_speeds(&rotation));
+            let force_w = rotation * wrench.force;
+            assert!((force_w - Vector3::new(0.0, 0.0, 2.4 * GRAVITY)).amax() < 1e-9);
+            assert!(wrench.torque.amax() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn collinear_rotors_are_refused_with_rank_and_rotor() {
+        let mut rotors = tilt_hex().rotors().to_vec();
+        for r in &mut rotors {
+            r.axis_r = Vector3::z();
+        }
+        let result =
+            Vehicle::new(2.4, Matrix3::identity(), &rotors, 0.03, Mounting::default(), Mounting::default());
+        match result {
+            Err(Error::NotFullyActuated { rank: 4, rotor: 1..=6, .. }) => {}
+            other => panic!("{other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_bad_rotor_is_named() {
+        let mut rotors = tilt_hex().rotors().to_vec();
+        rotors[3].spin = 0.5;
+        let error =
+            Vehicle::new(2.4, Matrix3::identity(), &rotors, 0.03, Mounting::default(), Mounting::default());
+        let sentence = error.unwrap_err().to_string();
+        assert_eq!(sentence, "rotor 4 has spin = 0.5; expected 1 or -1");
+    }
+}
