@@ -1,0 +1,5 @@
+//! The controller on the base PC.
+
+fn main() -> std::process::ExitCode {
+    tilthex_rt::failure::exit("tilthex-rt", Ok(()))
+}

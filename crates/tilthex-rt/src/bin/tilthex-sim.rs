@@ -1,0 +1,5 @@
+//! The simulated vehicle alone, for anyone's controller.
+
+fn main() -> std::process::ExitCode {
+    tilthex_rt::failure::exit("tilthex-sim", Ok(()))
+}

@@ -1,0 +1,73 @@
+//! How a program ends: one sentence and an exit status.
+
+use std::{fmt, process::ExitCode};
+
+/// Why a program ends; decides the exit status.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Usage or configuration: 2.
+    Usage,
+    /// The vehicle's link: 3.
+    Link,
+    /// A fault ended the flight, the vehicle landed: 4.
+    Fault,
+    /// Interrupted, the vehicle landed: 130.
+    Interrupted,
+}
+
+/// An end that is not success: what, found, expected and what mends it, in one sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// Decides the exit status.
+    pub kind: Kind,
+    /// The sentence.
+    pub message: String,
+}
+
+impl Failure {
+    /// A usage or configuration error.
+    pub fn usage(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Usage, message: message.into() }
+    }
+
+    /// An error of the vehicle's link.
+    pub fn link(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Link, message: message.into() }
+    }
+
+    /// A fault that ended the flight.
+    pub fn fault(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Fault, message: message.into() }
+    }
+
+    /// The documented exit status.
+    #[must_use]
+    pub fn exit_status(&self) -> u8 {
+        match self.kind {
+            Kind::Usage => 2,
+            Kind::Link => 3,
+            Kind::Fault => 4,
+            Kind::Interrupted => 130,
+        }
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.message)
+    }
+}
+
+impl std::error::Error for Failure {}
+
+/// Ends a program: prints a failure to standard error and gives its status.
+#[must_use]
+pub fn exit(program: &str, result: Result<(), Failure>) -> ExitCode {
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("{program}: {failure}");
+            ExitCode::from(failure.exit_status())
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! The real-time side of tilthex: the 500 Hz loop on the base PC, the
+//! simulated vehicle behind a pseudo-terminal, the recorder and their parts.
+//!
+//! The loop's thread never allocates, locks, logs or waits on anything but the
+//! clock; everything else lives in other threads, joined by wait-free rings.
+
+pub mod failure;
+
+pub use failure::{Failure, Kind};
