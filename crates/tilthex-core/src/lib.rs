@@ -17,10 +17,20 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
+pub mod admittance;
+pub mod allocation;
+pub mod bias;
+pub mod controller;
 pub mod error;
+pub mod filters;
+pub mod plant;
+pub mod pose_control;
+pub mod random;
 pub mod so3;
+pub mod trajectory;
 pub mod types;
 pub mod vehicle;
+pub mod wrench_observer;
 
 #[cfg(test)]
 extern crate std;

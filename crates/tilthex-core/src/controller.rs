@@ -1,0 +1,210 @@
+//! One tick of the paper's figure 5, without the estimator: observer,
+//! admittance filter, pose controller, compensation, allocation.
+
+use crate::{
+    Error, GRAVITY, Vehicle,
+    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, centre_of_mass_reference},
+    allocation::{Allocation, Allocator},
+    bias::BiasEstimator,
+    error::check_range,
+    filters::{LowPass, LowPassState, dead_zone},
+    pose_control::{PoseCommand, PoseController, PoseGains},
+    types::{Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
+    vehicle::speeds,
+    wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
+};
+
+/// Parameters of every block of the controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControllerParams {
+    /// Gains of the pose controller.
+    pub pose: PoseGains,
+    /// Gains of the wrench observer.
+    pub observer: ObserverGains,
+    /// The admittance filter.
+    pub admittance: AdmittanceParams,
+    /// Tool forces up to this norm, N, do not move the reference.
+    pub force_dead_zone: f64,
+    /// Tool torques up to this norm, N m, do not turn the reference.
+    pub torque_dead_zone: f64,
+    /// Cut-off of the low-pass before the dead zone, Hz; 0 for none.
+    pub low_pass_hz: f64,
+}
+
+/// The controller of one vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Controller {
+    vehicle: Vehicle,
+    params: ControllerParams,
+    observer: WrenchObserver,
+    low_pass: LowPass,
+    admittance: AdmittanceFilter,
+    pose: PoseController,
+    allocator: Allocator,
+}
+
+/// What moves in the controller.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ControllerState {
+    /// The wrench observer's.
+    pub observer: WrenchObserverState,
+    /// The low-pass filter's.
+    pub low_pass: LowPassState,
+    /// The admittance filter's.
+    pub admittance: AdmittanceState,
+    /// Wrench (force and torque in R) observed in a contact-free hover: no contact.
+    pub bias_r: Wrench,
+    /// Its estimator, running while [`ControllerInput::learn_bias`] is set.
+    pub bias_estimator: BiasEstimator,
+}
+
+/// What is known at the start of a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControllerInput {
+    /// Pose and twist of the robot.
+    pub state: RobotState,
+    /// Specific force at the centre of mass, m/s^2, robot.
+    pub specific_force_r: Vector3,
+    /// Measured rotor speeds, Hz.
+    pub rotor_speeds: RotorVector,
+    /// What the tool is asked to do.
+    pub setpoint: Setpoint,
+    /// Whether contact moves the reference. Without it the reference returns
+    /// to the set-point as the admittance filter's spring and damper let it:
+    /// neither way does it jump.
+    pub compliant: bool,
+    /// Whether this is a contact-free hover to learn the bias from; the mean
+    /// is taken over when it ends.
+    pub learn_bias: bool,
+}
+
+/// The command, and all that led to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ControllerOutput {
+    /// Commanded rotor speeds, Hz.
+    pub rotor_speeds: RotorVector,
+    /// External wrench at the centre of mass as observed (force W, torque R), bias included.
+    pub wrench_robot: Wrench,
+    /// External wrench at the tool, W, bias removed, before low-pass and dead zone.
+    pub wrench_tool_w: Wrench,
+    /// What entered the admittance filter: behind low-pass and dead zone.
+    pub wrench_admittance_w: Wrench,
+    /// Reference of the tool.
+    pub reference: Setpoint,
+    /// Reference of the centre of mass.
+    pub robot_reference: Reference,
+    /// Errors and wanted accelerations of the pose controller.
+    pub pose: PoseCommand,
+    /// Wanted body wrench `[force_r; torque_r]`.
+    pub wanted_wrench_r: Vector6,
+    /// What the allocator made of it.
+    pub allocation: Allocation,
+    /// Whether the admittance filter's excursion limit is active.
+    pub excursion_limited: bool,
+}
+
+impl Controller {
+    /// Combines the blocks for one vehicle.
+    ///
+    /// # Errors
+    /// The first parameter that a block refuses.
+    pub fn new(vehicle: Vehicle, params: ControllerParams) -> Result<Self, Error> {
+        check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
+        check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
+        Ok(Self {
+            observer: WrenchObserver::new(&vehicle, params.observer)?,
+            low_pass: LowPass::new(params.low_pass_hz)?,
+            admittance: AdmittanceFilter::new(params.admittance)?,
+            pose: PoseController::new(params.pose)?,
+            allocator: Allocator::new(&vehicle),
+            vehicle,
+            params,
+        })
+    }
+
+    /// The vehicle.
+    #[must_use]
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn params(&self) -> &ControllerParams {
+        &self.params
+    }
+
+    /// One tick: `dt` is the measured time since the last, s.
+    pub fn step(&self, state: &mut ControllerState, input: &ControllerInput, dt: f64) -> ControllerOutput {
+        let robot = &input.state;
+        let observed = self.observer.step(
+            &mut state.observer,
+            &ObserverInput {
+                rotation_wr: robot.rotation_wr,
+                angular_velocity_r: robot.angular_velocity_r,
+                specific_force_r: input.specific_force_r,
+                rotor_speeds: input.rotor_speeds,
+            },
+            dt,
+        );
+        Self::learn(state, &observed, input, dt);
+        let contact = Wrench {
+            force: observed.force - robot.rotation_wr * state.bias_r.force,
+            torque: observed.torque - state.bias_r.torque,
+        };
+        let tool = self.vehicle.tool();
+        let wrench_tool_w = tool_wrench(&contact, &robot.rotation_wr, &tool.position_r);
+        let smooth =
+            Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &wrench_tool_w.to_vector(), dt));
+        let wrench_admittance_w = Wrench {
+            force: dead_zone(&smooth.force, self.params.force_dead_zone),
+            torque: dead_zone(&smooth.torque, self.params.torque_dead_zone),
+        };
+        let drive =
+            if input.compliant { wrench_admittance_w + input.setpoint.wrench_w } else { Wrench::ZERO };
+        let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
+        let robot_reference = centre_of_mass_reference(&yielded.reference, tool);
+        let pose = self.pose.step(robot, &robot_reference);
+        let wanted_wrench_r = self.wanted_wrench(robot, &pose, &observed);
+        let allocation = self.allocator.allocate(&wanted_wrench_r);
+        ControllerOutput {
+            rotor_speeds: speeds(&allocation.inputs),
+            wrench_robot: observed,
+            wrench_tool_w,
+            wrench_admittance_w,
+            reference: yielded.reference,
+            robot_reference,
+            pose,
+            wanted_wrench_r,
+            allocation,
+            excursion_limited: yielded.limited,
+        }
+    }
+
+    /// Inverse dynamics with the external wrench compensated; (12), (26).
+    ///
+    /// The bias is compensated too: it is a wrench that the model does not
+    /// explain. (26) prints a wrench subtracted from accelerations.
+    fn wanted_wrench(&self, robot: &RobotState, pose: &PoseCommand, observed: &Wrench) -> Vector6 {
+        let gravity = Vector3::new(0.0, 0.0, GRAVITY);
+        let inertia = self.vehicle.inertia();
+        let omega = robot.angular_velocity_r;
+        let force_w = self.vehicle.mass() * (pose.acceleration_w + gravity) - observed.force;
+        let force = robot.rotation_wr.transpose() * force_w;
+        let torque =
+            inertia * pose.angular_acceleration_r + omega.cross(&(inertia * omega)) - observed.torque;
+        Wrench { force, torque }.to_vector()
+    }
+
+    fn learn(state: &mut ControllerState, observed: &Wrench, input: &ControllerInput, dt: f64) {
+        if input.learn_bias {
+            state.bias_estimator.add(observed, &input.state.rotation_wr, dt);
+        } else {
+            let (mean, time) = state.bias_estimator.mean();
+            if time > 0.0 {
+                state.bias_r = mean;
+                state.bias_estimator = BiasEstimator::default();
+            }
+        }
+    }
+}

@@ -1,0 +1,100 @@
+//! The inner loop: geometric pose control on SO(3); (13)-(17).
+
+use crate::{
+    Error,
+    error::check_range,
+    so3,
+    types::{Matrix3, Reference, RobotState, Vector3},
+};
+
+/// Diagonal gains. The units make each row of the closed loop a second-order
+/// system `s^2 + velocity s + position`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseGains {
+    /// K_p2, 1/s^2, world axes.
+    pub position: Vector3,
+    /// K_p1, 1/s, world axes.
+    pub velocity: Vector3,
+    /// K_R2, 1/s^2, robot axes.
+    pub rotation: Vector3,
+    /// K_R1, 1/s, robot axes.
+    pub angular_velocity: Vector3,
+}
+
+/// The pose controller.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseController {
+    gains: PoseGains,
+}
+
+/// The wanted accelerations, and the errors they answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PoseCommand {
+    /// v_p, m/s^2, world; (14).
+    pub acceleration_w: Vector3,
+    /// v_w, rad/s^2, robot; (17) with the exact feed-forward.
+    pub angular_acceleration_r: Vector3,
+    /// e_p = p_r - p, m, world.
+    pub position_error_w: Vector3,
+    /// v_r - v, m/s, world.
+    pub velocity_error_w: Vector3,
+    /// e_R, robot; (15).
+    pub rotation_error_r: Vector3,
+    /// e_w, rad/s, robot; (16).
+    pub angular_velocity_error_r: Vector3,
+}
+
+impl PoseController {
+    /// Checks the gains.
+    ///
+    /// # Errors
+    /// Names the gain that is negative, not finite or above 1e5.
+    pub fn new(gains: PoseGains) -> Result<Self, Error> {
+        for (name, gain) in [
+            ("position_gain", gains.position),
+            ("velocity_gain", gains.velocity),
+            ("rotation_gain", gains.rotation),
+            ("angular_velocity_gain", gains.angular_velocity),
+        ] {
+            for x in gain.iter() {
+                check_range(name, *x, 0.0, 1e5)?;
+            }
+        }
+        Ok(Self { gains })
+    }
+
+    /// The gains.
+    #[must_use]
+    pub fn gains(&self) -> &PoseGains {
+        &self.gains
+    }
+
+    /// The accelerations that make the pose converge to the reference.
+    ///
+    /// (17) prints only the reference's angular acceleration; the two terms
+    /// here are the exact ones of Lee, Leok and McClamroch (2010).
+    #[must_use]
+    pub fn step(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
+        let g = &self.gains;
+        let position_error_w = reference.position_w - state.position_w;
+        let velocity_error_w = reference.velocity_w - state.velocity_w;
+        // Maps reference body coordinates to body coordinates: R^T R_r.
+        let rotation_rd: Matrix3 = state.rotation_wr.transpose() * reference.rotation_wr;
+        let rotation_error_r = so3::vee(&rotation_rd.transpose());
+        let reference_velocity_r = rotation_rd * reference.angular_velocity_r;
+        let angular_velocity_error_r = state.angular_velocity_r - reference_velocity_r;
+        PoseCommand {
+            acceleration_w: reference.acceleration_w
+                + g.velocity.component_mul(&velocity_error_w)
+                + g.position.component_mul(&position_error_w),
+            angular_acceleration_r: rotation_rd * reference.angular_acceleration_r
+                - state.angular_velocity_r.cross(&reference_velocity_r)
+                - g.angular_velocity.component_mul(&angular_velocity_error_r)
+                - g.rotation.component_mul(&rotation_error_r),
+            position_error_w,
+            velocity_error_w,
+            rotation_error_r,
+            angular_velocity_error_r,
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! 6-D way-points joined by quintics from rest to rest, within limits on
+//! velocity and acceleration.
+
+use crate::{
+    Error,
+    error::check_range,
+    so3,
+    types::{Matrix3, Setpoint, Vector3, Wrench},
+};
+
+/// Most way-points of a trajectory.
+pub const MAX_WAYPOINTS: usize = 64;
+
+/// Peak rate and peak second rate of `10 s^3 - 15 s^4 + 6 s^5` over one unit of time.
+const PEAK_VELOCITY: f64 = 1.875;
+const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
+
+/// A pose of the tool on the way, reached and left at rest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Waypoint {
+    /// Position of the tool tip, m, world.
+    pub position_w: Vector3,
+    /// Orientation of the tool: maps E to W.
+    pub rotation_we: Matrix3,
+    /// Wrench the tool shall exert here (world, at the tip); blended on the way.
+    pub wrench_w: Wrench,
+    /// Shortest time of the way here, s; the limits may make it longer.
+    pub duration: f64,
+    /// Time to stay here, s.
+    pub hold: f64,
+}
+
+/// Largest rates on the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Limits {
+    /// m/s.
+    pub velocity: f64,
+    /// m/s^2.
+    pub acceleration: f64,
+    /// rad/s.
+    pub angular_velocity: f64,
+    /// rad/s^2.
+    pub angular_acceleration: f64,
+}
+
+/// A checked trajectory of fixed size.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trajectory {
+    start: Waypoint,
+    legs: [Leg; MAX_WAYPOINTS],
+    count: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Leg {
+    from: Waypoint,
+    to: Waypoint,
+    /// Rotation vector from the leg's start to its end, in coordinates of the start.
+    turn_e: Vector3,
+    begins: f64,
+    duration: f64,
+}
+
+impl Trajectory {
+    /// From `start` (whose own duration is ignored, its hold kept) through the way-points.
+    ///
+    /// # Errors
+    /// Too many way-points; a number that is not finite or a limit that is not
+    /// positive; a matrix that is not a rotation.
+    pub fn new(start: Waypoint, waypoints: &[Waypoint], limits: &Limits) -> Result<Self, Error> {
+        if waypoints.len() > MAX_WAYPOINTS {
+            let (name, found) = ("way-points", waypoints.len());
+            return Err(Error::Count { name, found, min: 0, max: MAX_WAYPOINTS });
+        }
+        check_range("velocity limit", limits.velocity, 1e-6, 100.0)?;
+        check_range("acceleration limit", limits.acceleration, 1e-6, 1e3)?;
+        check_range("angular velocity limit", limits.angular_velocity, 1e-6, 100.0)?;
+        check_range("angular acceleration limit", limits.angular_acceleration, 1e-6, 1e4)?;
+        check_waypoint(&start)?;
+        let blank = Leg { from: start, to: start, turn_e: Vector3::zeros(), begins: 0.0, duration: 0.0 };
+        let mut legs = [blank; MAX_WAYPOINTS];
+        let (mut from, mut begins) = (start, start.hold);
+        for (leg, to) in legs.iter_mut().zip(waypoints) {
+            check_waypoint(to)?;
+            let turn_e = so3::log(&(from.rotation_we.transpose() * to.rotation_we));
+            let way = (to.position_w - from.position_w).norm();
+            let duration = to
+                .duration
+                .max(shortest(way, limits.velocity, limits.acceleration))
+                .max(shortest(turn_e.norm(), limits.angular_velocity, limits.angular_acceleration));
+            *leg = Leg { from, to: *to, turn_e, begins, duration };
+            begins += duration + to.hold;
+            from = *to;
+        }
+        Ok(Self { start, legs, count: waypoints.len() })
+    }
+
+    /// Stays at one tool pose for ever.
+    #[must_use]
+    pub fn hold(position_w: Vector3, rotation_we: Matrix3) -> Self {
+        let (wrench_w, turn_e) = (Wrench::ZERO, Vector3::zeros());
+        let start = Waypoint { position_w, rotation_we, wrench_w, duration: 0.0, hold: 0.0 };
+        let blank = Leg { from: start, to: start, turn_e, begins: 0.0, duration: 0.0 };
+        Self { start, legs: [blank; MAX_WAYPOINTS], count: 0 }
+    }
+
+    /// Time of its end, the last hold included, s.
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        match self.legs[..self.count].last() {
+            Some(leg) => leg.begins + leg.duration + leg.to.hold,
+            None => self.start.hold,
+        }
+    }
+
+    /// The set-point at `time` seconds from its start; its ends are held.
+    #[must_use]
+    pub fn sample(&self, time: f64) -> Setpoint {
+        let legs = &self.legs[..self.count];
+        let Some(leg) = legs.iter().rev().find(|leg| time >= leg.begins) else {
+            return at_rest(&self.start);
+        };
+        let elapsed = time - leg.begins;
+        if elapsed >= leg.duration {
+            return at_rest(&leg.to);
+        }
+        let (t, s) = (leg.duration, elapsed / leg.duration);
+        let part = s * s * s * (10.0 + s * (-15.0 + 6.0 * s));
+        let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / t;
+        let second_rate = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (t * t);
+        let way = leg.to.position_w - leg.from.position_w;
+        // The axis of the turn is the same in the frames of start, way and end.
+        let turn_w = leg.from.rotation_we * leg.turn_e;
+        let blend = |a: &Vector3, b: &Vector3| a + (b - a) * part;
+        Setpoint {
+            position_w: leg.from.position_w + way * part,
+            rotation_we: leg.from.rotation_we * so3::exp(&(leg.turn_e * part)),
+            velocity_w: way * rate,
+            angular_velocity_w: turn_w * rate,
+            acceleration_w: way * second_rate,
+            angular_acceleration_w: turn_w * second_rate,
+            wrench_w: Wrench {
+                force: blend(&leg.from.wrench_w.force, &leg.to.wrench_w.force),
+                torque: blend(&leg.from.wrench_w.torque, &leg.to.wrench_w.torque),
+            },
+        }
+    }
+}
+
+fn at_rest(waypoint: &Waypoint) -> Setpoint {
+    Setpoint { wrench_w: waypoint.wrench_w, ..Setpoint::hold(waypoint.position_w, waypoint.rotation_we) }
+}
+
+/// Shortest rest-to-rest time of a quintic over `way` within both limits.
+fn shortest(way: f64, velocity: f64, acceleration: f64) -> f64 {
+    (PEAK_VELOCITY * way / velocity).max(libm::sqrt(PEAK_ACCELERATION * way / acceleration))
+}
+
+fn check_waypoint(w: &Waypoint) -> Result<(), Error> {
+    for x in w.position_w.iter() {
+        check_range("position of a way-point", *x, -1e4, 1e4)?;
+    }
+    so3::check_rotation("rotation of a way-point", &w.rotation_we)?;
+    check_range("duration of a way-point", w.duration, 0.0, 1e6)?;
+    check_range("hold of a way-point", w.hold, 0.0, 1e6)?;
+    for x in w.wrench_w.to_vector().iter() {
+        check_range("wrench of a way-point", *x, -1e3, 1e3)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,157 @@
+//! The wrench observer: force from the accelerometer, torque from the angular
+//! momentum; (18)-(25).
+//!
+//! Both are first-order lags of the external wrench, discretised in closed
+//! form: any gain and any period are stable. The momentum balance is taken
+//! between consecutive samples with the rotation that was measured between
+//! them, so that a body which tumbles freely gives zero to rounding, where a
+//! sum of `omega x J omega dt` drifts with the period.
+
+use crate::{
+    Error, Vehicle,
+    error::check_range,
+    filters::lag_fraction,
+    so3,
+    types::{Matrix3, RotorVector, Vector3, Wrench},
+};
+
+/// Diagonal gains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObserverGains {
+    /// L, 1/s, world axes.
+    pub force: Vector3,
+    /// K_I, 1/s, robot axes.
+    pub torque: Vector3,
+}
+
+/// The observer of the external wrench.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WrenchObserver {
+    gains: ObserverGains,
+    mass: f64,
+    inertia: Matrix3,
+    allocation: crate::vehicle::Allocation,
+}
+
+/// What the observer has seen.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WrenchObserverState {
+    /// The estimate: force in W, torque in R about the centre of mass.
+    pub wrench: Wrench,
+    last: Option<Sample>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Sample {
+    rotation_wr: Matrix3,
+    momentum_r: Vector3,
+    torque_r: Vector3,
+}
+
+/// What was measured at one instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObserverInput {
+    /// Orientation: maps R to W.
+    pub rotation_wr: Matrix3,
+    /// Angular velocity, rad/s, robot.
+    pub angular_velocity_r: Vector3,
+    /// Specific force at the centre of mass, m/s^2, robot.
+    pub specific_force_r: Vector3,
+    /// Measured rotor speeds, Hz.
+    pub rotor_speeds: RotorVector,
+}
+
+impl WrenchObserver {
+    /// An observer for one vehicle.
+    ///
+    /// # Errors
+    /// Names the gain that is not positive or above 1e5.
+    pub fn new(vehicle: &Vehicle, gains: ObserverGains) -> Result<Self, Error> {
+        for (name, gain) in [("force_gain", gains.force), ("torque_gain", gains.torque)] {
+            for x in gain.iter() {
+                check_range(name, *x, 1e-6, 1e5)?;
+            }
+        }
+        Ok(Self {
+            gains,
+            mass: vehicle.mass(),
+            inertia: *vehicle.inertia(),
+            allocation: *vehicle.allocation(),
+        })
+    }
+
+    /// The gains.
+    #[must_use]
+    pub fn gains(&self) -> &ObserverGains {
+        &self.gains
+    }
+
+    /// Takes the sample at the end of a period of `dt` seconds and returns the
+    /// estimate: force in W, torque in R about the centre of mass, exerted by
+    /// the environment on the robot.
+    ///
+    /// The first sample only marks t0. (19) with a plus before its bracket
+    /// (the paper's minus estimates minus the force).
+    pub fn step(&self, state: &mut WrenchObserverState, input: &ObserverInput, dt: f64) -> Wrench {
+        let actuation = Wrench::from_vector(&(self.allocation * crate::vehicle::inputs(&input.rotor_speeds)));
+        let momentum_r = self.inertia * input.angular_velocity_r;
+        let last = state.last.replace(Sample {
+            rotation_wr: input.rotation_wr,
+            momentum_r,
+            torque_r: actuation.torque,
+        });
+        let Some(last) = last.filter(|_| dt > 0.0) else {
+            return state.wrench;
+        };
+        let force_w = input.rotation_wr * (self.mass * input.specific_force_r - actuation.force);
+
+        // The turn over the period, seen from its start; a torque constant in
+        // the body turns with it, and its mean is that of the left Jacobian.
+        let turn = last.rotation_wr.transpose() * input.rotation_wr;
+        let gained = turn * momentum_r - last.momentum_r;
+        let mean_torque_r = so3::left_jacobian_inverse(&so3::log(&turn)) * gained / dt;
+        let torque_r = mean_torque_r - 0.5 * (last.torque_r + actuation.torque);
+
+        let fraction = |gain: &Vector3| {
+            if gain.x == gain.y && gain.y == gain.z {
+                Vector3::repeat(lag_fraction(gain.x, dt))
+            } else {
+                gain.map(|rate| lag_fraction(rate, dt))
+            }
+        };
+        let estimate = &mut state.wrench;
+        estimate.force += fraction(&self.gains.force).component_mul(&(force_w - estimate.force));
+        estimate.torque += fraction(&self.gains.torque).component_mul(&(torque_r - estimate.torque));
+        *estimate
+    }
+}
+
+/// Specific force at the centre of mass from that at an accelerometer away
+/// from it: `s = s_I - omegad x p_I - omega x (omega x p_I)`, all in robot coordinates.
+#[must_use]
+pub fn remove_lever_arm(
+    specific_force_i_r: &Vector3,
+    angular_velocity_r: &Vector3,
+    angular_acceleration_r: &Vector3,
+    imu_position_r: &Vector3,
+) -> Vector3 {
+    specific_force_i_r
+        - angular_acceleration_r.cross(imu_position_r)
+        - angular_velocity_r.cross(&angular_velocity_r.cross(imu_position_r))
+}
+
+/// The wrench at the tool tip, W, of a wrench at the centre of mass (force W, torque R); (25).
+#[must_use]
+pub fn tool_wrench(robot: &Wrench, rotation_wr: &Matrix3, tool_position_r: &Vector3) -> Wrench {
+    Wrench {
+        force: robot.force,
+        torque: rotation_wr * robot.torque - (rotation_wr * tool_position_r).cross(&robot.force),
+    }
+}
+
+/// The wrench at the centre of mass (force W, torque R) of one at the tool tip, W; (18).
+#[must_use]
+pub fn robot_wrench(tool_w: &Wrench, rotation_wr: &Matrix3, tool_position_r: &Vector3) -> Wrench {
+    let torque_w = tool_w.torque + (rotation_wr * tool_position_r).cross(&tool_w.force);
+    Wrench { force: tool_w.force, torque: rotation_wr.transpose() * torque_w }
+}
