@@ -37,7 +37,8 @@ extern crate std;
 
 pub use error::Error;
 pub use types::{
-    MAX_ROTORS, Matrix3, Matrix6, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench,
+    MAX_ROTORS, Matrix3, Matrix6, PoseSample, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6,
+    Wrench,
 };
 pub use vehicle::{Rotor, Vehicle};
 

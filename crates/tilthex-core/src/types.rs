@@ -184,3 +184,29 @@ impl Reference {
 pub fn is_finite3(v: &Vector3) -> bool {
     v.x.is_finite() && v.y.is_finite() && v.z.is_finite()
 }
+
+/// One captured pose, on the host's monotonic clock.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseSample {
+    /// When it was taken, s.
+    pub time: f64,
+    /// When it arrived, s.
+    pub arrival: f64,
+    /// Position of the captured body, m, world.
+    pub position_w: Vector3,
+    /// Orientation of the captured body: maps its coordinates to world coordinates.
+    pub rotation_wr: Matrix3,
+    /// Whether the capture system vouches for it.
+    pub tracking_valid: bool,
+}
+
+impl PoseSample {
+    /// Whether every component is a finite number.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.time.is_finite()
+            && self.arrival.is_finite()
+            && is_finite3(&self.position_w)
+            && self.rotation_wr.iter().all(|x| x.is_finite())
+    }
+}

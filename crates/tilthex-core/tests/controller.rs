@@ -1,0 +1,182 @@
+//! The closed loop on the plant: convergence, invariance, the shaped spring.
+
+mod common;
+
+use common::{rotation, tilt_hex, vector, wrench};
+use proptest::prelude::*;
+use tilthex_core::{
+    Matrix3, Matrix6, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
+    admittance::AdmittanceParams,
+    controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
+    plant::{Plant, PlantState, SensorParams, Sensors},
+    pose_control::PoseGains,
+    so3,
+    vehicle::{Mounting, Rotor},
+    wrench_observer::ObserverGains,
+};
+
+const PERIOD: f64 = 0.002;
+
+fn params() -> ControllerParams {
+    let m = |t: f64, r: [f64; 3]| Matrix6::from_diagonal(&Vector6::new(t, t, t, r[0], r[1], r[2]));
+    ControllerParams {
+        pose: PoseGains {
+            position: Vector3::repeat(36.0),
+            velocity: Vector3::repeat(12.0),
+            rotation: Vector3::repeat(150.0),
+            angular_velocity: Vector3::repeat(22.0),
+        },
+        observer: ObserverGains { force: Vector3::repeat(20.0), torque: Vector3::repeat(20.0) },
+        admittance: AdmittanceParams {
+            mass: m(1.5, [0.01, 0.01, 0.02]),
+            damping: m(10.0, [4.0; 3]),
+            stiffness: m(6.0, [10.0, 10.0, 5.0]),
+            max_translation: 1.0,
+            max_rotation: 1.0,
+        },
+        force_dead_zone: 0.2,
+        torque_dead_zone: 0.2,
+        low_pass_hz: 10.0,
+    }
+}
+
+/// The Tilt-Hex with rotors that follow at once and turn either way: what the laws assume.
+fn ideal() -> Vehicle {
+    let rotors: Vec<Rotor> =
+        tilt_hex().rotors().iter().map(|r| Rotor { min_speed: -1e3, max_speed: 1e3, ..*r }).collect();
+    let v = tilt_hex();
+    Vehicle::new(v.mass(), *v.inertia(), &rotors, 0.0, *v.tool(), Mounting::default()).unwrap()
+}
+
+struct Loop {
+    plant: Plant,
+    controller: Controller,
+    sensors: Sensors,
+    state: PlantState,
+    memory: ControllerState,
+}
+
+impl Loop {
+    fn new(vehicle: Vehicle, params: ControllerParams, noise: SensorParams, state: PlantState) -> Self {
+        Self {
+            plant: Plant::new(vehicle),
+            controller: Controller::new(vehicle, params).unwrap(),
+            sensors: Sensors::new(noise, 1),
+            state,
+            memory: ControllerState::default(),
+        }
+    }
+
+    fn tick(&mut self, setpoint: &Setpoint, tool_push: &Wrench) -> ControllerOutput {
+        let external = self.plant.from_tool(&self.state, tool_push);
+        let imu = self.sensors.imu(&self.plant, &self.state, &external);
+        let input = ControllerInput {
+            state: self.state.robot,
+            specific_force_r: imu.specific_force_i,
+            rotor_speeds: self.sensors.rotor_speeds(&self.plant, &self.state),
+            setpoint: *setpoint,
+            compliant: true,
+            learn_bias: false,
+        };
+        let out = self.controller.step(&mut self.memory, &input, PERIOD);
+        for _ in 0..2 {
+            let external = self.plant.from_tool(&self.state, tool_push);
+            self.plant.step(&mut self.state, &out.rotor_speeds, &external, 0.5 * PERIOD);
+        }
+        out
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    #[test]
+    fn converges_exponentially_from_any_attitude_below_90_degrees(
+        axis in vector(1.0), angle in 0.1..1.55f64, wanted in rotation(), offset in vector(0.5),
+    ) {
+        prop_assume!(axis.norm() > 0.1);
+        let wrong = wanted * so3::exp(&(axis.normalize() * angle));
+        let vehicle = ideal();
+        let state = PlantState {
+            robot: RobotState { rotation_wr: wrong, ..RobotState::at_rest(offset) },
+            rotor_speeds: vehicle.hover_speeds(&wrong),
+        };
+        let mut flown = Loop::new(vehicle, params(), SensorParams::IDEAL, state);
+        let tool = vehicle.tool();
+        let setpoint = Setpoint::hold(wanted * tool.position_r, wanted * tool.rotation_r);
+        let error = |s: &RobotState| so3::angle(&(wanted.transpose() * s.rotation_wr)) + s.position_w.norm();
+        let mut at_two_seconds = 0.0;
+        for i in 0..2000 {
+            flown.tick(&setpoint, &Wrench::ZERO);
+            if i == 999 {
+                at_two_seconds = error(&flown.state.robot);
+            }
+        }
+        let at_four = error(&flown.state.robot);
+        prop_assert!(at_two_seconds < 0.05 && at_four < 1e-3, "{at_two_seconds} {at_four}");
+        // At least exp(-2 t) of the error that was left.
+        prop_assert!(at_four < at_two_seconds * (-4.0f64).exp() + 1e-7);
+    }
+
+    #[test]
+    fn turning_the_world_turns_the_loop(
+        yaw in -3.0..3.0f64, push in wrench(2.0, 0.1), start in vector(0.1), tilt in vector(0.3),
+    ) {
+        let vehicle = tilt_hex();
+        let turn = so3::rot_z(yaw);
+        let begin = |q: &Matrix3| PlantState {
+            robot: RobotState { rotation_wr: q * so3::exp(&tilt), ..RobotState::at_rest(q * start) },
+            rotor_speeds: vehicle.hover_speeds(&Matrix3::identity()),
+        };
+        let mut a = Loop::new(vehicle, params(), SensorParams::IDEAL, begin(&Matrix3::identity()));
+        let mut b = Loop::new(vehicle, params(), SensorParams::IDEAL, begin(&turn));
+        let sa = Setpoint::hold(Vector3::new(0.2, 0.1, 0.3), Matrix3::identity());
+        let sb = Setpoint::hold(turn * sa.position_w, turn);
+        let turned = Wrench { force: turn * push.force, torque: turn * push.torque };
+        for _ in 0..500 {
+            let x = a.tick(&sa, &push);
+            let y = b.tick(&sb, &turned);
+            prop_assert!((x.rotor_speeds - y.rotor_speeds).amax() < 1e-6);
+            prop_assert!((turn * x.wrench_tool_w.force - y.wrench_tool_w.force).amax() < 1e-7);
+        }
+    }
+}
+
+/// Deflection of m x'' + d x' + k x = f, m = 1.5, d = 10 (over-damped).
+fn ideal_spring(k: f64, f: f64, t: f64) -> f64 {
+    let (m, d) = (1.5, 10.0);
+    let root = (d * d - 4.0 * m * k).sqrt();
+    let (a, b) = ((-d + root) / (2.0 * m), (-d - root) / (2.0 * m));
+    f / k * (1.0 + (b * (a * t).exp() - a * (b * t).exp()) / (a - b))
+}
+
+#[test]
+fn a_pushed_tool_yields_like_the_spring_it_was_told_to_be() {
+    let vehicle = tilt_hex();
+    let tool = Vector3::new(0.0, 0.0, 1.0);
+    let plant = Plant::new(vehicle);
+    let hover = plant.hover(tool - vehicle.tool().position_r);
+    let noise = SensorParams { position: 0.0, orientation: 0.0, ..SensorParams::EXPERIMENTS };
+    let mut flown = Loop::new(vehicle, params(), noise, hover);
+    let setpoint = Setpoint::hold(tool, Matrix3::identity());
+    let push = Wrench { force: Vector3::new(1.4, 0.0, 0.0), torque: Vector3::zeros() };
+    for _ in 0..500 {
+        flown.tick(&setpoint, &Wrench::ZERO);
+    }
+    let (mut worst, mut sum, mut tracking) = (0.0f64, 0.0, 0.0f64);
+    for i in 0..5000 {
+        let out = flown.tick(&setpoint, &push);
+        let x = out.reference.position_w.x;
+        worst = worst.max((x - ideal_spring(6.0, 1.2, f64::from(i) * PERIOD)).abs());
+        tracking = tracking.max(out.pose.position_error_w.norm());
+        if i >= 4500 {
+            sum += x / 500.0;
+        }
+    }
+    println!("steady {sum:.5} (ideal 0.2), worst distance {worst:.5}, tracking {tracking:.5}");
+    assert!((sum - 0.2).abs() < 2e-3);
+    assert!(worst < 0.010);
+    assert!(tracking < 0.02);
+    let flat: RotorVector = flown.state.rotor_speeds;
+    assert!(flat.iter().all(|w| w.is_finite()));
+}
