@@ -5,5 +5,10 @@
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
 pub mod failure;
+pub mod histogram;
+pub mod port;
+pub mod realtime;
+pub mod sleeper;
+mod sys;
 
 pub use failure::{Failure, Kind};

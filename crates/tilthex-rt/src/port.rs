@@ -1,0 +1,277 @@
+//! The serial port: opened exclusively, raw and without delay, then read and
+//! written without ever waiting.
+
+use std::{
+    fs, io,
+    os::fd::{AsFd, BorrowedFd, OwnedFd},
+    path::{Path, PathBuf},
+};
+
+use rustix::{
+    fs::{FlockOperation, Mode, OFlags},
+    io::Errno,
+    termios::{OptionalActions, QueueSelector},
+};
+
+use crate::{Failure, sys};
+
+/// Longest time an adapter may hold bytes back, ms.
+const LONGEST_LATENCY_MS: u32 = 1;
+
+/// An open serial port or pseudo-terminal.
+#[derive(Debug)]
+pub struct Port {
+    fd: OwnedFd,
+    path: PathBuf,
+    short_writes: u64,
+}
+
+/// What became of a write.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Written {
+    /// Every byte was taken.
+    Whole,
+    /// The line is full; the rest of the frame was dropped and counted.
+    Short,
+    /// The other end is gone.
+    Gone,
+}
+
+impl Port {
+    /// Opens the device at a path, or the USB adapter with a serial number.
+    /// `baud` 0 leaves the speed alone.
+    ///
+    /// # Errors
+    /// One sentence: no such port, in use, no right, not a terminal, a speed
+    /// it has not, or an adapter that holds bytes back.
+    pub fn open(name: &str, baud: u32) -> Result<Self, Failure> {
+        let path = resolve(name, Path::new("/sys"))?;
+        let refuse = |what: &str, e: Errno| Failure::link(format!("{}: {what}: {e}", path.display()));
+        let fd = rustix::fs::open(
+            &path,
+            OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC,
+            Mode::empty(),
+        )
+        .map_err(|e| cannot_open(&path, e))?;
+        if !rustix::termios::isatty(&fd) {
+            return Err(Failure::link(format!(
+                "{} is no serial port; expected a terminal device such as /dev/ttyUSB0",
+                path.display()
+            )));
+        }
+        rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive)
+            .map_err(|_| cannot_open(&path, Errno::BUSY))?;
+        rustix::termios::ioctl_tiocexcl(&fd).map_err(|e| refuse("can not be locked", e))?;
+        let mut settings =
+            rustix::termios::tcgetattr(&fd).map_err(|e| refuse("its settings can not be read", e))?;
+        settings.make_raw();
+        if baud > 0 {
+            settings.set_speed(baud).map_err(|e| refuse(&format!("does not know {baud} baud"), e))?;
+        }
+        rustix::termios::tcsetattr(&fd, OptionalActions::Now, &settings)
+            .map_err(|e| refuse(&format!("can not be set raw at {baud} baud"), e))?;
+        rustix::termios::tcflush(&fd, QueueSelector::IOFlush).map_err(|e| refuse("can not be flushed", e))?;
+        // Drivers without the flag hold nothing back; those that do show it in latency_timer.
+        let _ = sys::set_low_latency(fd.as_fd());
+        check_latency(&path, Path::new("/sys"))?;
+        Ok(Self { fd, path, short_writes: 0 })
+    }
+
+    /// A pseudo-terminal: its controlling side, and the path of the other.
+    ///
+    /// # Errors
+    /// The kernel's.
+    pub fn pseudo_terminal() -> io::Result<(Self, PathBuf)> {
+        use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+        let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
+        grantpt(&fd)?;
+        unlockpt(&fd)?;
+        let name = ptsname(&fd, Vec::new())?;
+        let mut settings = rustix::termios::tcgetattr(&fd)?;
+        settings.make_raw();
+        rustix::termios::tcsetattr(&fd, OptionalActions::Now, &settings)?;
+        rustix::fs::fcntl_setfl(&fd, OFlags::NONBLOCK)?;
+        let path = PathBuf::from(name.to_string_lossy().into_owned());
+        Ok((Self { fd, path: path.clone(), short_writes: 0 }, path))
+    }
+
+    /// Reads what has come, at most `buffer`; `None` when the other end is gone. Never waits; safe in the loop.
+    pub fn read(&self, buffer: &mut [u8]) -> Option<usize> {
+        match rustix::io::read(&self.fd, buffer) {
+            Ok(0) => None,
+            Ok(n) => Some(n),
+            Err(Errno::AGAIN | Errno::INTR) => Some(0),
+            Err(_) => None,
+        }
+    }
+
+    /// Writes `bytes` in one call. Never waits; safe in the loop.
+    pub fn write(&mut self, bytes: &[u8]) -> Written {
+        match rustix::io::write(&self.fd, bytes) {
+            Ok(n) if n == bytes.len() => Written::Whole,
+            Ok(_) | Err(Errno::AGAIN | Errno::INTR) => {
+                self.short_writes += 1;
+                Written::Short
+            }
+            Err(_) => Written::Gone,
+        }
+    }
+
+    /// Writes that the line did not take whole.
+    #[must_use]
+    pub fn short_writes(&self) -> u64 {
+        self.short_writes
+    }
+
+    /// The device.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
+impl AsFd for Port {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.fd.as_fd()
+    }
+}
+
+fn cannot_open(path: &Path, e: Errno) -> Failure {
+    let path = path.display();
+    Failure::link(match e {
+        Errno::NOENT => format!("{path} does not exist: plug the vehicle in, or name its port with --port"),
+        Errno::ACCESS => format!(
+            "{path} may not be opened by this user: join its group with `sudo usermod -aG dialout $USER` and log in again"
+        ),
+        Errno::BUSY => {
+            format!("{path} is in use by another program: end it first (`fuser -v {path}` names it)")
+        }
+        _ => format!("{path} can not be opened: {e}"),
+    })
+}
+
+/// The device a name stands for: a path, or a USB serial number looked up under `sys`.
+fn resolve(name: &str, sys: &Path) -> Result<PathBuf, Failure> {
+    if name.contains('/') {
+        return Ok(PathBuf::from(name));
+    }
+    let mut known = Vec::new();
+    let ttys = fs::read_dir(sys.join("class/tty")).into_iter().flatten().flatten();
+    for tty in ttys {
+        let Ok(device) = fs::canonicalize(tty.path().join("device")) else { continue };
+        // The serial number stands at the USB device, a few levels above its interface's port.
+        let serial = device.ancestors().take(5).find_map(|up| fs::read_to_string(up.join("serial")).ok());
+        let Some(serial) = serial else { continue };
+        if serial.trim() == name {
+            return Ok(Path::new("/dev").join(tty.file_name()));
+        }
+        known.push(format!("{} ({})", serial.trim(), tty.file_name().to_string_lossy()));
+    }
+    known.sort();
+    let known = if known.is_empty() { "none is plugged in".into() } else { known.join(", ") };
+    Err(Failure::link(format!(
+        "no USB serial adapter has the serial number \"{name}\" (found: {known}): name one of these or a path such \
+         as /dev/ttyUSB0"
+    )))
+}
+
+/// The delay of an FTDI adapter, ms, where the device has one.
+pub(crate) fn latency_timer(path: &Path, sys: &Path) -> Option<(PathBuf, u32)> {
+    let device = fs::canonicalize(path).ok()?;
+    let file = sys.join("class/tty").join(device.file_name()?).join("device/latency_timer");
+    let ms = fs::read_to_string(&file).ok()?.trim().parse().ok()?;
+    Some((file, ms))
+}
+
+fn check_latency(path: &Path, sys: &Path) -> Result<(), Failure> {
+    match latency_timer(path, sys) {
+        Some((file, ms)) if ms > LONGEST_LATENCY_MS => Err(Failure::link(format!(
+            "{} holds bytes back for {ms} ms; expected at most {LONGEST_LATENCY_MS} ms: run `echo 1 | sudo tee {}`",
+            path.display(),
+            file.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::os::unix::fs::symlink;
+
+    fn read_all(port: &Port, want: usize) -> Vec<u8> {
+        let mut got = Vec::new();
+        let mut buffer = [0; 256];
+        while got.len() < want {
+            let n = port.read(&mut buffer).expect("the other end is there");
+            got.extend_from_slice(&buffer[..n]);
+        }
+        got
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn every_byte_passes_unchanged_both_ways(bytes in prop::collection::vec(any::<u8>(), 1..256)) {
+            let (mut master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+            let mut slave = Port::open(path.to_str().expect("plain"), 500_000).expect("opens");
+            prop_assert_eq!(master.write(&bytes), Written::Whole);
+            prop_assert_eq!(&read_all(&slave, bytes.len()), &bytes);
+            prop_assert_eq!(slave.write(&bytes), Written::Whole);
+            prop_assert_eq!(&read_all(&master, bytes.len()), &bytes);
+        }
+    }
+
+    #[test]
+    fn an_empty_line_reads_nothing_and_a_full_one_is_counted() {
+        let (_master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+        let mut slave = Port::open(path.to_str().expect("plain"), 0).expect("opens");
+        assert_eq!(slave.read(&mut [0; 16]), Some(0));
+        while slave.write(&[0x55; 64]) == Written::Whole {}
+        assert_eq!(slave.short_writes(), 1);
+    }
+
+    #[test]
+    fn a_pulled_port_is_seen_on_both_calls() {
+        let (master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+        let mut slave = Port::open(path.to_str().expect("plain"), 0).expect("opens");
+        drop(master);
+        assert_eq!(slave.read(&mut [0; 16]), None);
+        assert_eq!(slave.write(b"^?$"), Written::Gone);
+    }
+
+    #[test]
+    fn what_can_not_be_opened_is_said_in_one_sentence() {
+        let (_master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+        let path = path.to_str().expect("plain");
+        let _held = Port::open(path, 0).expect("opens");
+        let message = |name: &str| Port::open(name, 0).expect_err("can not be opened").message;
+        assert!(message(path).contains("in use"), "{}", message(path));
+        assert!(message("/dev/no-such-port").contains("does not exist"));
+        assert!(message("/dev/null").contains("no serial port"));
+        assert!(message("FT-NOT-THERE").contains("\"FT-NOT-THERE\""));
+    }
+
+    #[test]
+    fn adapters_are_found_by_serial_number_and_slow_ones_refused() {
+        let sys = tempfile::tempdir().expect("a directory");
+        let usb = sys.path().join("devices/usb1/1-2");
+        let port = usb.join("1-2:1.0/ttyUSB7");
+        fs::create_dir_all(&port).expect("made");
+        fs::create_dir_all(sys.path().join("class/tty/ttyUSB7")).expect("made");
+        symlink(&port, sys.path().join("class/tty/ttyUSB7/device")).expect("linked");
+        fs::write(usb.join("serial"), "FT4711\n").expect("written");
+        assert_eq!(resolve("FT4711", sys.path()).expect("found"), Path::new("/dev/ttyUSB7"));
+        assert!(resolve("FT0815", sys.path()).expect_err("absent").message.contains("FT4711 (ttyUSB7)"));
+
+        let device = sys.path().join("ttyUSB7");
+        fs::write(&device, "").expect("written");
+        assert!(check_latency(&device, sys.path()).is_ok(), "no timer, no delay");
+        fs::write(port.join("latency_timer"), "16\n").expect("written");
+        let message = check_latency(&device, sys.path()).expect_err("too slow").message;
+        assert!(message.contains("16 ms") && message.contains("echo 1 | sudo tee"), "{message}");
+        fs::write(port.join("latency_timer"), "1\n").expect("written");
+        assert!(check_latency(&device, sys.path()).is_ok());
+    }
+}

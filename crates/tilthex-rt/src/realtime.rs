@@ -1,0 +1,153 @@
+//! The rights that make the loop punctual: asked for once, before it starts.
+
+use std::{
+    fs::{self, File, OpenOptions},
+    hint::black_box,
+    io::Write,
+    num::NonZeroU64,
+};
+
+use rustix::{
+    mm::{MlockAllFlags, mlockall},
+    thread::{CpuSet, sched_getaffinity, sched_setaffinity, set_current_timer_slack},
+};
+
+use crate::{Failure, sys};
+
+/// What to do where the machine refuses a right.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Demand {
+    /// Do not fly.
+    Require,
+    /// Warn and fly.
+    Prefer,
+    /// Ask for none.
+    Off,
+}
+
+/// How much of the stack is touched before the loop starts, bytes.
+pub const TOUCHED_STACK: usize = 256 * 1024;
+
+/// Stack of the loop's thread, bytes: what is touched and as much again.
+pub const LOOP_STACK: usize = 2 * TOUCHED_STACK;
+
+/// What was granted, held as long as the loop runs.
+#[derive(Debug, Default)]
+pub struct Rights {
+    /// One sentence for each right that was refused, with what mends it.
+    pub warnings: Vec<String>,
+    /// Keeps the processor out of deep sleep while it is open.
+    latency: Option<File>,
+}
+
+impl Rights {
+    /// Whether the processor was asked to stay out of deep sleep, and granted it.
+    #[must_use]
+    pub fn keeps_processor_awake(&self) -> bool {
+        self.latency.is_some()
+    }
+}
+
+/// Asks for the rights of a real-time thread, for the calling thread:
+/// `SCHED_FIFO` in the middle of its range, memory locked, one processor, no
+/// deep sleep; and touches its stack.
+///
+/// # Errors
+/// On [`Demand::Require`], the first refusal.
+pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
+    let mut rights = Rights::default();
+    if demand == Demand::Off {
+        return Ok(rights);
+    }
+    let mut refused = |right: &str, why: &dyn std::fmt::Display| {
+        rights.warnings.push(format!(
+            "{right} was refused ({why}): grant it with `sudo setcap cap_sys_nice,cap_ipc_lock=ep {}`, or fly with \
+             --realtime off",
+            std::env::current_exe().unwrap_or_else(|_| "tilthex-rt".into()).display()
+        ));
+    };
+    if let Err(e) = sys::set_fifo_mid_range() {
+        refused("real-time scheduling (SCHED_FIFO)", &e);
+    }
+    if let Err(e) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
+        refused("locked memory (mlockall)", &e);
+    }
+    if let Err(e) = pin() {
+        refused("a processor of its own (affinity)", &e);
+    }
+    // What SCHED_FIFO has anyway; without it a sleep may end 50 us late on purpose.
+    let _ = set_current_timer_slack(NonZeroU64::new(1));
+    touch_stack();
+    rights.latency = stay_awake();
+    match (demand, rights.warnings.first()) {
+        (Demand::Require, Some(first)) => Err(Failure::usage(first.clone())),
+        _ => Ok(rights),
+    }
+}
+
+/// Binds the calling thread to an isolated processor, otherwise to the last
+/// one it may use, since interrupts gather on the first.
+fn pin() -> rustix::io::Result<()> {
+    let allowed = sched_getaffinity(None)?;
+    let usable = |cpu: &usize| allowed.is_set(*cpu);
+    let isolated = fs::read_to_string("/sys/devices/system/cpu/isolated").unwrap_or_default();
+    let chosen = parse_cpu_list(&isolated)
+        .into_iter()
+        .find(usable)
+        .or_else(|| (0..CpuSet::MAX_CPU).rev().find(usable))
+        .ok_or(rustix::io::Errno::INVAL)?;
+    let mut one = CpuSet::new();
+    one.set(chosen);
+    sched_setaffinity(None, &one)
+}
+
+/// Reads the kernel's list format: `2-3,6`.
+pub(crate) fn parse_cpu_list(text: &str) -> Vec<usize> {
+    text.trim()
+        .split(',')
+        .filter_map(|part| {
+            let (first, last) = part.split_once('-').unwrap_or((part, part));
+            Some(first.parse::<usize>().ok()?..=last.parse::<usize>().ok()?)
+        })
+        .flatten()
+        .collect()
+}
+
+#[inline(never)]
+fn touch_stack() {
+    let mut pages = [0_u8; TOUCHED_STACK];
+    for byte in pages.iter_mut().step_by(4096) {
+        *byte = 1;
+    }
+    black_box(&pages);
+}
+
+/// Where the machine offers it, asks for zero wake-up latency; what `cyclictest` does too.
+fn stay_awake() -> Option<File> {
+    let mut file = OpenOptions::new().write(true).open("/dev/cpu_dma_latency").ok()?;
+    file.write_all(&0_i32.to_ne_bytes()).ok()?;
+    Some(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cpu_lists() {
+        assert_eq!(parse_cpu_list("2-4,7\n"), [2, 3, 4, 7]);
+        assert_eq!(parse_cpu_list("\n"), [] as [usize; 0]);
+    }
+
+    #[test]
+    fn a_refused_right_says_how_to_grant_it() {
+        std::thread::spawn(|| {
+            assert!(acquire(Demand::Off).expect("asks for nothing").warnings.is_empty());
+            for warning in acquire(Demand::Prefer).expect("only warns").warnings {
+                assert!(warning.contains("setcap cap_sys_nice,cap_ipc_lock=ep"), "{warning}");
+            }
+        })
+        .join()
+        .expect("the thread ends");
+    }
+}

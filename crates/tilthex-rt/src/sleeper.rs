@@ -1,0 +1,156 @@
+//! When the loop runs: absolute deadlines on one clock. A period that is
+//! missed is skipped whole and counted, and the phase is kept.
+
+use std::time::Duration;
+
+use rustix::{
+    io::Errno,
+    thread::{ClockId, clock_nanosleep_absolute},
+    time::{Timespec, clock_gettime},
+};
+
+/// Nanoseconds since the clock's origin.
+pub type Nanos = u64;
+
+/// A clock that can be waited on.
+pub trait Clock {
+    /// The time now.
+    fn now(&self) -> Nanos;
+    /// Waits until `deadline`, and not at all where it has passed.
+    fn sleep_until(&self, deadline: Nanos);
+}
+
+/// `CLOCK_MONOTONIC`. Safe in the loop: two system calls, no allocation.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Monotonic;
+
+impl Clock for Monotonic {
+    fn now(&self) -> Nanos {
+        let t = clock_gettime(rustix::time::ClockId::Monotonic);
+        t.tv_sec as u64 * 1_000_000_000 + t.tv_nsec as u64
+    }
+
+    fn sleep_until(&self, deadline: Nanos) {
+        let request =
+            Timespec { tv_sec: (deadline / 1_000_000_000) as i64, tv_nsec: (deadline % 1_000_000_000) as _ };
+        // A signal cuts the sleep short; the deadline is absolute, so it is simply asked for again.
+        while clock_nanosleep_absolute(ClockId::Monotonic, &request) == Err(Errno::INTR) {}
+    }
+}
+
+/// One wake-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wake {
+    /// When the tick was due.
+    pub deadline: Nanos,
+    /// When it began.
+    pub woke: Nanos,
+    /// Whole periods that were skipped before it.
+    pub skipped: u64,
+}
+
+impl Wake {
+    /// How late the tick began, ns.
+    #[must_use]
+    pub fn latency(&self) -> Nanos {
+        self.woke.saturating_sub(self.deadline)
+    }
+}
+
+/// A sleeping policy: a grid of deadlines one period apart.
+#[derive(Clone, Copy, Debug)]
+pub struct Sleeper {
+    period: Nanos,
+    next: Nanos,
+}
+
+impl Sleeper {
+    /// Deadlines `first`, `first + period`, ...; a period below one microsecond counts as one.
+    #[must_use]
+    pub fn new(period: Duration, first: Nanos) -> Self {
+        Self { period: (period.as_nanos() as u64).max(1000), next: first }
+    }
+
+    /// Waits for the next deadline. Where it has already passed, the periods
+    /// that can not be met any more are skipped. Safe in the loop.
+    pub fn wait(&mut self, clock: &impl Clock) -> Wake {
+        let late = clock.now().saturating_sub(self.next);
+        let skipped = late.div_ceil(self.period);
+        let deadline = self.next + skipped * self.period;
+        clock.sleep_until(deadline);
+        self.next = deadline + self.period;
+        Wake { deadline, woke: clock.now(), skipped }
+    }
+
+    /// Moves the grid: all later deadlines come `ns` later, or earlier where it is negative.
+    pub fn shift(&mut self, ns: i64) {
+        self.next = self.next.saturating_add_signed(ns);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+    use std::cell::Cell;
+
+    /// A clock that moves when it is told to.
+    struct Virtual(Cell<Nanos>);
+
+    impl Clock for Virtual {
+        fn now(&self) -> Nanos {
+            self.0.get()
+        }
+        fn sleep_until(&self, deadline: Nanos) {
+            self.0.set(self.0.get().max(deadline));
+        }
+    }
+
+    const PERIOD: Nanos = 2_000_000;
+
+    proptest! {
+        #[test]
+        fn deadlines_stay_on_the_grid_and_account_for_every_period(
+            work in prop::collection::vec(0..7 * PERIOD, 1..200),
+            first in 0..10 * PERIOD,
+        ) {
+            let clock = Virtual(Cell::new(first));
+            let mut sleeper = Sleeper::new(Duration::from_nanos(PERIOD), first);
+            let (mut periods, mut last_start) = (0, None);
+            for w in work {
+                let wake = sleeper.wait(&clock);
+                periods += wake.skipped;
+                prop_assert_eq!(wake.deadline, first + periods * PERIOD);
+                periods += 1;
+                prop_assert!(wake.woke >= wake.deadline);
+                if let Some(last) = last_start {
+                    // A tick that fits in its period skips none; one that does not loses the whole periods it took.
+                    let taken: Nanos = last;
+                    prop_assert_eq!(wake.skipped, taken.saturating_sub(PERIOD).div_ceil(PERIOD));
+                }
+                clock.0.set(clock.0.get() + w);
+                last_start = Some(w);
+            }
+        }
+
+        #[test]
+        fn a_shift_moves_every_later_deadline(shift in -(PERIOD as i64) + 1..PERIOD as i64) {
+            let clock = Virtual(Cell::new(0));
+            let mut sleeper = Sleeper::new(Duration::from_nanos(PERIOD), PERIOD);
+            let before = sleeper.wait(&clock).deadline;
+            sleeper.shift(shift);
+            let after = sleeper.wait(&clock);
+            prop_assert_eq!(after.deadline, before.saturating_add_signed(PERIOD as i64 + shift));
+            prop_assert_eq!(sleeper.wait(&clock).deadline, after.deadline + PERIOD);
+        }
+    }
+
+    #[test]
+    fn the_monotonic_clock_never_wakes_early() {
+        let mut sleeper = Sleeper::new(Duration::from_millis(1), Monotonic.now());
+        for _ in 0..20 {
+            let wake = sleeper.wait(&Monotonic);
+            assert!(wake.woke >= wake.deadline);
+        }
+    }
+}
