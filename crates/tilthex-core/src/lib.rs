@@ -27,6 +27,7 @@ pub mod plant;
 pub mod pose_control;
 pub mod random;
 pub mod so3;
+pub mod supervisor;
 pub mod trajectory;
 pub mod types;
 pub mod vehicle;

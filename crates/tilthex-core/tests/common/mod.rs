@@ -1,5 +1,5 @@
 //! Random vehicles, attitudes and wrenches for the property tests.
-#![allow(dead_code)] // each test binary uses its part
+#![allow(dead_code, clippy::unwrap_used)] // each test binary uses its part
 
 use proptest::prelude::*;
 use tilthex_core::{
