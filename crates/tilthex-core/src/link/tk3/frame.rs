@@ -1,0 +1,184 @@
+//! Framing: bytes to bodies and back.
+
+/// Longest body, bytes, the message's letter included.
+pub const MAX_BODY: usize = 64;
+/// Longest frame on the wire, bytes: every byte of the body escaped, and the two marks.
+pub const MAX_FRAME: usize = 2 * MAX_BODY + 2;
+
+const START: u8 = b'^';
+const END: u8 = b'$';
+const ABORT: u8 = b'!';
+const ESCAPE: u8 = b'\\';
+
+const fn is_special(byte: u8) -> bool {
+    matches!(byte, START | END | ABORT | ESCAPE)
+}
+
+/// The body of a frame: 0 to 64 bytes, unescaped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Frame {
+    bytes: [u8; MAX_BODY],
+    length: usize,
+}
+
+impl Frame {
+    pub(super) const fn empty() -> Self {
+        Self { bytes: [0; MAX_BODY], length: 0 }
+    }
+
+    /// A body from its bytes; `None` when there are more than [`MAX_BODY`] or none at all.
+    #[must_use]
+    pub fn new(body: &[u8]) -> Option<Self> {
+        let mut frame = Self::empty();
+        (!body.is_empty() && body.iter().all(|&byte| frame.push(byte))).then_some(frame)
+    }
+
+    /// The body, from its letter on.
+    #[must_use]
+    pub fn body(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or(&[])
+    }
+
+    /// Whether the byte still had room.
+    pub(super) fn push(&mut self, byte: u8) -> bool {
+        match self.bytes.get_mut(self.length) {
+            Some(slot) => {
+                *slot = byte;
+                self.length += 1;
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Appends bytes; those past [`MAX_BODY`] are dropped, which no message of this module reaches.
+    pub(super) fn extend(&mut self, bytes: &[u8]) {
+        for &byte in bytes {
+            self.push(byte);
+        }
+    }
+
+    /// Writes the frame, marks and escapes included, and returns its length in
+    /// bytes; 0, and nothing whole is in `out`, when it does not fit.
+    /// [`MAX_FRAME`] bytes always suffice.
+    #[must_use = "the length says what to send"]
+    pub fn encode(&self, out: &mut [u8]) -> usize {
+        let mut slots = out.iter_mut();
+        let mut length = 0;
+        let mut put = |byte| {
+            length += 1;
+            slots.next().map(|slot| *slot = byte)
+        };
+        let mut write = || {
+            put(START)?;
+            for &byte in self.body() {
+                if is_special(byte) {
+                    put(ESCAPE)?;
+                    put(!byte)?;
+                } else {
+                    put(byte)?;
+                }
+            }
+            put(END)
+        };
+        if write().is_some() { length } else { 0 }
+    }
+}
+
+/// What the framing let through and what it refused. The counts saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameCounters {
+    /// Whole frames.
+    pub whole: u32,
+    /// Frames cut by the start of the next one.
+    pub cut: u32,
+    /// Frames that their sender aborted.
+    pub aborted: u32,
+    /// Frames longer than [`MAX_BODY`].
+    pub overlong: u32,
+    /// Frames with an escape before a byte that is never escaped.
+    pub bad_escape: u32,
+    /// Frames without even a letter.
+    pub empty: u32,
+    /// Bytes outside of any frame.
+    pub stray_bytes: u32,
+}
+
+pub(super) fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum State {
+    Outside,
+    Body,
+    Escaped,
+}
+
+/// Finds frames in a stream of bytes, one byte at a time.
+#[derive(Clone, Debug)]
+pub struct Decoder {
+    state: State,
+    frame: Frame,
+    counters: FrameCounters,
+}
+
+impl Default for Decoder {
+    fn default() -> Self {
+        Self { state: State::Outside, frame: Frame::empty(), counters: FrameCounters::default() }
+    }
+}
+
+impl Decoder {
+    /// Takes the next byte; the frame that it completes, if it does.
+    pub fn push(&mut self, byte: u8) -> Option<Frame> {
+        match (self.state, byte) {
+            // The start and abort marks are never data: they count even where an escaped byte should be.
+            (state, START) => {
+                if state != State::Outside {
+                    count(&mut self.counters.cut);
+                }
+                self.frame = Frame::empty();
+                self.state = State::Body;
+            }
+            (State::Outside, _) => count(&mut self.counters.stray_bytes),
+            (_, ABORT) => {
+                count(&mut self.counters.aborted);
+                self.state = State::Outside;
+            }
+            (State::Body, END) => {
+                self.state = State::Outside;
+                if self.frame.body().is_empty() {
+                    count(&mut self.counters.empty);
+                } else {
+                    count(&mut self.counters.whole);
+                    return Some(self.frame);
+                }
+            }
+            (State::Body, ESCAPE) => self.state = State::Escaped,
+            (State::Body, _) => self.store(byte),
+            (State::Escaped, _) if is_special(!byte) => {
+                self.state = State::Body;
+                self.store(!byte);
+            }
+            (State::Escaped, _) => {
+                count(&mut self.counters.bad_escape);
+                self.state = State::Outside;
+            }
+        }
+        None
+    }
+
+    /// What was let through and refused so far.
+    #[must_use]
+    pub fn counters(&self) -> FrameCounters {
+        self.counters
+    }
+
+    fn store(&mut self, byte: u8) {
+        if !self.frame.push(byte) {
+            count(&mut self.counters.overlong);
+            self.state = State::Outside;
+        }
+    }
+}

@@ -1,0 +1,25 @@
+//! tk3, the serial protocol of the Telekyb3 family of vehicles, both
+//! directions: the host reads [`VehicleMessage`]s and writes [`HostMessage`]s,
+//! a vehicle (or its simulator) the other way round.
+//!
+//! A frame is `^ body $`; the body starts with the message's letter. There is
+//! neither a length nor a checksum: a bit flipped inside a frame passes, so
+//! every sample must go through [`crate::link`]'s gate before it is believed.
+
+mod frame;
+mod host;
+mod identity;
+mod receiver;
+mod scales;
+mod speed;
+mod text;
+mod vehicle;
+
+pub use frame::{Decoder, Frame, FrameCounters, MAX_BODY, MAX_FRAME};
+pub use host::{HostMessage, MAX_THROTTLE, MotorValues, Stream};
+pub use identity::{Board, Identity};
+pub use receiver::{Counters, Message, Receiver, Refusal};
+pub use scales::ImuScales;
+pub use speed::{LOWEST_SPEED, half_period, speed};
+pub use text::Text;
+pub use vehicle::{ImuFrame, MotorFrame, MotorState, Severity, VehicleMessage};

@@ -1,0 +1,101 @@
+//! Bytes to messages, with counts of everything refused.
+
+use super::frame::{Decoder, FrameCounters, count};
+use core::marker::PhantomData;
+
+/// Why a whole frame is not a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
+    /// No message starts with this letter.
+    UnknownLetter(u8),
+    /// The message with this letter has another length.
+    WrongLength {
+        /// The letter.
+        letter: u8,
+        /// The body's length, bytes.
+        found: usize,
+    },
+    /// The message with this letter holds a number that the protocol does not allow.
+    OutOfRange(u8),
+}
+
+/// One direction of the protocol.
+pub trait Message: Sized {
+    /// Reads a frame's body.
+    ///
+    /// # Errors
+    /// The [`Refusal`] when the letter, the length or a number is not one of this direction's.
+    fn parse(body: &[u8]) -> Result<Self, Refusal>;
+}
+
+/// What came and what was refused. The counts saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Of the framing.
+    pub frames: FrameCounters,
+    /// Messages.
+    pub messages: u32,
+    /// Frames with an unknown letter.
+    pub unknown_letter: u32,
+    /// Frames of the wrong length.
+    pub wrong_length: u32,
+    /// Frames with a number out of range.
+    pub out_of_range: u32,
+}
+
+impl Counters {
+    /// Frames that were refused for any reason; stray bytes are not frames.
+    #[must_use]
+    pub fn refused(&self) -> u32 {
+        let f = &self.frames;
+        [
+            f.cut,
+            f.aborted,
+            f.overlong,
+            f.bad_escape,
+            f.empty,
+            self.unknown_letter,
+            self.wrong_length,
+            self.out_of_range,
+        ]
+        .into_iter()
+        .fold(0, u32::saturating_add)
+    }
+}
+
+/// A [`Decoder`] and the parser of one direction behind it.
+#[derive(Clone, Debug)]
+pub struct Receiver<M> {
+    decoder: Decoder,
+    counters: Counters,
+    direction: PhantomData<fn() -> M>,
+}
+
+impl<M> Default for Receiver<M> {
+    fn default() -> Self {
+        Self { decoder: Decoder::default(), counters: Counters::default(), direction: PhantomData }
+    }
+}
+
+impl<M: Message> Receiver<M> {
+    /// Takes the next byte; the message that it completes, if it does.
+    pub fn push(&mut self, byte: u8) -> Option<M> {
+        let frame = self.decoder.push(byte)?;
+        match M::parse(frame.body()) {
+            Ok(message) => {
+                count(&mut self.counters.messages);
+                return Some(message);
+            }
+            Err(Refusal::UnknownLetter(_)) => count(&mut self.counters.unknown_letter),
+            Err(Refusal::WrongLength { .. }) => count(&mut self.counters.wrong_length),
+            Err(Refusal::OutOfRange(_)) => count(&mut self.counters.out_of_range),
+        }
+        None
+    }
+
+    /// What came and what was refused so far.
+    #[must_use]
+    pub fn counters(&self) -> Counters {
+        Counters { frames: self.decoder.counters(), ..self.counters }
+    }
+}

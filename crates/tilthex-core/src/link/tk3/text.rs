@@ -1,0 +1,48 @@
+//! Text from the vehicle.
+
+use super::frame::MAX_BODY;
+use core::fmt::{self, Write};
+
+/// Up to 63 bytes of text as they came. Shown with everything that is not
+/// printable ASCII escaped: it goes to terminals and logs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub struct Text {
+    bytes: [u8; MAX_BODY - 1],
+    length: usize,
+}
+
+impl Text {
+    /// Longest text, bytes.
+    pub const MAX: usize = MAX_BODY - 1;
+
+    /// The text; what is longer than [`Text::MAX`] is cut there.
+    #[must_use]
+    pub fn new(bytes: &[u8]) -> Self {
+        let mut text = Self { bytes: [0; Self::MAX], length: bytes.len().min(Self::MAX) };
+        for (slot, &byte) in text.bytes.iter_mut().zip(bytes) {
+            *slot = byte;
+        }
+        text
+    }
+
+    /// The bytes.
+    #[must_use]
+    pub fn as_bytes(&self) -> &[u8] {
+        self.bytes.get(..self.length).unwrap_or(&[])
+    }
+}
+
+impl fmt::Display for Text {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.as_bytes().iter().try_for_each(|&byte| match byte {
+            b' '..=b'~' => f.write_char(char::from(byte)),
+            _ => write!(f, "\\x{byte:02x}"),
+        })
+    }
+}
+
+impl fmt::Debug for Text {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "\"{self}\"")
+    }
+}
