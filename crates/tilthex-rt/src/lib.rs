@@ -8,6 +8,7 @@ pub mod failure;
 pub mod histogram;
 pub mod port;
 pub mod realtime;
+pub mod sim;
 pub mod sleeper;
 mod sys;
 

@@ -66,7 +66,7 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
             std::env::current_exe().unwrap_or_else(|_| "tilthex-rt".into()).display()
         ));
     };
-    if let Err(e) = sys::set_fifo_mid_range() {
+    if let Err(e) = sys::set_fifo(0) {
         refused("real-time scheduling (SCHED_FIFO)", &e);
     }
     if let Err(e) = mlockall(MlockAllFlags::CURRENT | MlockAllFlags::FUTURE) {
@@ -83,6 +83,13 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
         (Demand::Require, Some(first)) => Err(Failure::usage(first.clone())),
         _ => Ok(rights),
     }
+}
+
+/// Asks for a little more than an ordinary thread has, for threads that stand
+/// in for hardware: no timer slack, `SCHED_FIFO` below the loop where it is granted.
+pub fn acquire_helper() {
+    let _ = set_current_timer_slack(NonZeroU64::new(1));
+    let _ = sys::set_fifo(-1);
 }
 
 /// Binds the calling thread to an isolated processor, otherwise to the last

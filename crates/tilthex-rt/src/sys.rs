@@ -7,17 +7,17 @@ use std::{
     os::fd::{AsRawFd, BorrowedFd},
 };
 
-/// Gives the calling thread the policy `SCHED_FIFO` in the middle of its range.
+/// Gives the calling thread the policy `SCHED_FIFO`, `offset` away from the middle of its range.
 ///
 /// # Errors
 /// The kernel's, mostly a missing right.
-pub(crate) fn set_fifo_mid_range() -> io::Result<()> {
+pub(crate) fn set_fifo(offset: i32) -> io::Result<()> {
     // SAFETY: the calls take plain integers and a pointer to a live, initialised structure.
     let status = unsafe {
         let mut parameter: libc::sched_param = mem::zeroed();
         let (low, high) =
             (libc::sched_get_priority_min(libc::SCHED_FIFO), libc::sched_get_priority_max(libc::SCHED_FIFO));
-        parameter.sched_priority = (low + high) / 2;
+        parameter.sched_priority = (low + high) / 2 + offset;
         libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter)
     };
     if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }

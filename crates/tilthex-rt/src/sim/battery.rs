@@ -1,0 +1,49 @@
+//! The battery: a charge, a voltage that falls with it, and an inner resistance.
+
+/// A lithium-polymer battery of four cells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Battery {
+    /// Charge when full, A s.
+    pub capacity: f64,
+    /// Charge left, A s.
+    pub charge: f64,
+    current: f64,
+}
+
+/// Open voltage when full, V.
+const FULL: f64 = 16.8;
+/// Open voltage when empty, V.
+const EMPTY: f64 = 13.2;
+/// Inner resistance, ohm.
+const RESISTANCE: f64 = 0.015;
+/// Current of a rotor at 100 Hz, A; it grows with the third power of the speed.
+const CURRENT_AT_100_HZ: f64 = 6.0;
+/// What the electronics take, A.
+const IDLE: f64 = 0.5;
+
+/// Current of one rotor at a speed in Hz, A.
+#[must_use]
+pub fn rotor_current(speed: f64) -> f64 {
+    CURRENT_AT_100_HZ * (speed.abs() / 100.0).powi(3)
+}
+
+impl Battery {
+    /// A battery of a capacity in A h, charged to a part (0 to 1) of it.
+    #[must_use]
+    pub fn new(capacity_ah: f64, part: f64) -> Self {
+        let capacity = 3600.0 * capacity_ah;
+        Self { capacity, charge: part * capacity, current: IDLE }
+    }
+
+    /// Feeds the rotors for `dt` seconds.
+    pub fn advance(&mut self, rotor_speeds: &[f64], dt: f64) {
+        self.current = IDLE + rotor_speeds.iter().map(|&speed| rotor_current(speed)).sum::<f64>();
+        self.charge = (self.charge - self.current * dt).max(0.0);
+    }
+
+    /// Voltage at its terminals, V.
+    #[must_use]
+    pub fn voltage(&self) -> f64 {
+        EMPTY + (FULL - EMPTY) * self.charge / self.capacity - RESISTANCE * self.current
+    }
+}

@@ -1,0 +1,54 @@
+//! The ground under the simulated vehicle: four feet with springs, dampers and friction.
+
+use tilthex_core::{RobotState, Vector3, Wrench};
+
+/// Half the distance between neighbouring feet, m.
+const STANCE: f64 = 0.3;
+/// Stiffness of a foot, N/m.
+const STIFFNESS: f64 = 3000.0;
+/// Damping of a foot, N s/m.
+const DAMPING: f64 = 40.0;
+/// Friction coefficient.
+const FRICTION: f64 = 0.6;
+/// A foot that slides slower than friction stops it sticks like this, N s/m.
+const STICKING: f64 = 20.0;
+
+/// Flat ground at z = 0 and the legs of the vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Height of the centre of mass over the feet, m.
+    pub leg: f64,
+}
+
+impl Ground {
+    /// Whether a foot may touch the ground.
+    #[must_use]
+    pub fn is_near(&self, state: &RobotState) -> bool {
+        state.position_w.z < self.leg + STANCE + 0.1
+    }
+
+    /// What the ground exerts on the vehicle: force W, torque R about the centre of mass.
+    #[must_use]
+    pub fn wrench(&self, state: &RobotState) -> Wrench {
+        let mut total = Wrench::ZERO;
+        if !self.is_near(state) {
+            return total;
+        }
+        for (x, y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
+            let arm_r = Vector3::new(x * STANCE, y * STANCE, -self.leg);
+            let foot = state.position_w + state.rotation_wr * arm_r;
+            if foot.z >= 0.0 {
+                continue;
+            }
+            let velocity = state.velocity_w + state.rotation_wr * state.angular_velocity_r.cross(&arm_r);
+            let normal = (-STIFFNESS * foot.z - DAMPING * velocity.z).max(0.0);
+            let slide = Vector3::new(velocity.x, velocity.y, 0.0);
+            let friction = (STICKING * slide.norm()).min(FRICTION * normal);
+            let force =
+                Vector3::new(0.0, 0.0, normal) - slide.try_normalize(1e-12).unwrap_or_default() * friction;
+            total.force += force;
+            total.torque += arm_r.cross(&(state.rotation_wr.transpose() * force));
+        }
+        total
+    }
+}

@@ -1,0 +1,162 @@
+//! One motor controller (ESC), as the vehicle's firmware drives it.
+
+use tilthex_core::link::tk3::{MotorFrame, MotorState};
+
+use super::Micros;
+
+/// Without set-points for this long a motor falls back to its lowest speed.
+pub const FALL_BACK: Micros = 500_000;
+/// This long after the fall-back it disarms.
+pub const DISARM: Micros = 10_000_000;
+/// A start takes this long.
+pub const START: Micros = 400_000;
+/// Throttle at full scale.
+const FULL_THROTTLE: f64 = 1023.0;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Phase {
+    Stopped,
+    Starting { until: Micros },
+    Spinning,
+}
+
+/// What a motor has to say of its own accord.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// It spins now.
+    Started,
+    /// No set-point came for [`FALL_BACK`].
+    FellBack,
+    /// None came for [`DISARM`] more.
+    Disarmed,
+}
+
+/// A motor and its controller.
+#[derive(Clone, Copy, Debug)]
+pub struct Motor {
+    lowest: f64,
+    highest: f64,
+    phase: Phase,
+    emergency: bool,
+    fallen_back: bool,
+    /// Asked for, Hz; meaningful while spinning.
+    target: f64,
+    last_set: Micros,
+    sequence: u8,
+}
+
+impl Motor {
+    /// A stopped motor with a range of speeds, Hz.
+    #[must_use]
+    pub fn new(lowest: f64, highest: f64) -> Self {
+        Self {
+            lowest,
+            highest,
+            phase: Phase::Stopped,
+            emergency: false,
+            fallen_back: false,
+            target: lowest,
+            last_set: 0,
+            sequence: 0,
+        }
+    }
+
+    /// `g`: starts at the lowest speed and clears the emergency bit.
+    pub fn start(&mut self, now: Micros) {
+        self.emergency = false;
+        if self.phase == Phase::Stopped {
+            self.phase = Phase::Starting { until: now + START };
+        }
+    }
+
+    /// `x`.
+    pub fn stop(&mut self) {
+        self.phase = Phase::Stopped;
+        self.fallen_back = false;
+    }
+
+    /// The controller stops by itself and shows its emergency bit until it is started again.
+    pub fn fail(&mut self) {
+        self.stop();
+        self.emergency = true;
+    }
+
+    /// `w`: a speed, Hz, negative in reverse. It neither starts nor stops a motor.
+    pub fn set_speed(&mut self, speed: f64, now: Micros) {
+        if self.phase == Phase::Spinning {
+            self.target = speed.abs().clamp(self.lowest, self.highest).copysign(speed);
+            self.last_set = now;
+            self.fallen_back = false;
+        }
+    }
+
+    /// `q`: a throttle in -1023..1023.
+    pub fn set_throttle(&mut self, throttle: i16, now: Micros) {
+        self.set_speed(f64::from(throttle) / FULL_THROTTLE * self.highest, now);
+    }
+
+    /// Lets time pass; what happened in it.
+    pub fn advance(&mut self, now: Micros) -> Option<Event> {
+        match self.phase {
+            Phase::Starting { until } if now >= until => {
+                self.phase = Phase::Spinning;
+                self.target = self.lowest;
+                self.last_set = now;
+                self.fallen_back = false;
+                Some(Event::Started)
+            }
+            Phase::Spinning if now >= self.last_set + FALL_BACK + DISARM => {
+                self.stop();
+                Some(Event::Disarmed)
+            }
+            Phase::Spinning if !self.fallen_back && now >= self.last_set + FALL_BACK => {
+                self.fallen_back = true;
+                self.target = self.lowest;
+                Some(Event::FellBack)
+            }
+            _ => None,
+        }
+    }
+
+    /// The speed it drives its rotor to, Hz.
+    #[must_use]
+    pub fn command(&self) -> f64 {
+        match self.phase {
+            Phase::Stopped => 0.0,
+            Phase::Starting { .. } => 0.5 * self.lowest,
+            Phase::Spinning => self.target,
+        }
+    }
+
+    /// Whether it spins.
+    #[must_use]
+    pub fn is_spinning(&self) -> bool {
+        self.phase == Phase::Spinning
+    }
+
+    /// The state that it reports, from the measured speed of its rotor, Hz, and its current, A.
+    pub fn report(&mut self, number: u8, speed: f64, current: f64) -> MotorFrame {
+        self.sequence = self.sequence.wrapping_add(1);
+        let phase = match self.phase {
+            Phase::Stopped => 0,
+            Phase::Starting { .. } => MotorState::STARTING,
+            Phase::Spinning => MotorState::SPINNING,
+        };
+        let emergency = if self.emergency { MotorState::EMERGENCY } else { 0 };
+        MotorFrame {
+            sequence: self.sequence,
+            state: MotorState(number & 0x0f | phase | emergency),
+            half_period: nearest_half_period(speed),
+            throttle: (FULL_THROTTLE * speed / self.highest) as i16,
+            current_ma: (1e3 * current) as u16,
+        }
+    }
+}
+
+/// A measured half period is the nearest count, where a commanded one is truncated.
+fn nearest_half_period(speed: f64) -> i16 {
+    if speed.abs() < tilthex_core::link::tk3::LOWEST_SPEED {
+        return if speed < 0.0 { -i16::MAX } else { i16::MAX };
+    }
+    (500_000.0 / speed).round() as i16
+}

@@ -1,0 +1,172 @@
+//! The simulated vehicle in real time, behind a pseudo-terminal.
+
+use std::{
+    io,
+    path::{Path, PathBuf},
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
+
+use rustix::{
+    event::{PollFd, PollFlags, poll},
+    time::Timespec,
+};
+
+use super::{STEP, Simulation};
+use crate::{
+    histogram::{Histogram, Quantiles},
+    port::Port,
+    sleeper::{Clock, Monotonic, Nanos},
+};
+
+/// Behind by more than this, the simulation gives up catching up with the clock, ns.
+const HOPELESS: Nanos = 1_000_000_000;
+
+/// What the simulated vehicle saw of its controller.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Report {
+    /// From the moment before an IMU frame was written to the moment its
+    /// command had been read: the controller's latency and the line's, ns.
+    pub imu_to_command: Quantiles,
+}
+
+/// Sees the simulation after every cycle, with the cycle's time on the
+/// monotonic clock: motion capture and the recorder of the truth hang on it.
+pub type Observer = Box<dyn FnMut(Nanos, &mut Simulation) + Send>;
+
+/// A running simulation. It ends when it is dropped.
+#[derive(Debug)]
+pub struct Server {
+    path: PathBuf,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<Report>>,
+}
+
+impl Server {
+    /// Starts a simulation behind a pseudo-terminal of its own. `each_step`
+    /// is called after every cycle with the time of the cycle.
+    ///
+    /// # Errors
+    /// The kernel's, where it has no pseudo-terminal or no thread left.
+    pub fn start(simulation: Simulation, each_step: Observer) -> io::Result<Self> {
+        let (port, path) = Port::pseudo_terminal()?;
+        let stop = Arc::new(AtomicBool::new(false));
+        let stopped = Arc::clone(&stop);
+        let mut worker = Worker {
+            // Holding the far side open keeps reads from failing while no controller is connected.
+            _far_side: rustix::fs::open(
+                &path,
+                rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::CLOEXEC,
+                rustix::fs::Mode::empty(),
+            )?,
+            port,
+            simulation,
+            each_step,
+            out: Vec::with_capacity(4096),
+            imu_written: None,
+            latency: Histogram::default(),
+        };
+        let thread = std::thread::Builder::new()
+            .name("sim".into())
+            .stack_size(512 * 1024)
+            .spawn(move || worker.run(&stopped))?;
+        Ok(Self { path, stop, thread: Some(thread) })
+    }
+
+    /// The pseudo-terminal a controller opens.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Ends the simulation; what it saw.
+    #[must_use]
+    pub fn stop(mut self) -> Report {
+        self.end().unwrap_or_default()
+    }
+
+    fn end(&mut self) -> Option<Report> {
+        self.stop.store(true, Ordering::Relaxed);
+        self.thread.take()?.join().ok()
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+struct Worker {
+    _far_side: rustix::fd::OwnedFd,
+    port: Port,
+    simulation: Simulation,
+    each_step: Observer,
+    out: Vec<u8>,
+    /// When the newest IMU frame was written, until its command comes.
+    imu_written: Option<Nanos>,
+    latency: Histogram,
+}
+
+impl Worker {
+    fn run(&mut self, stop: &AtomicBool) -> Report {
+        // The board's clock is this one; the rights are worth having, not worth failing for.
+        crate::realtime::acquire_helper();
+        let step = Duration::from_micros(STEP).as_nanos() as Nanos;
+        let mut due = Monotonic.now() + step;
+        while !stop.load(Ordering::Relaxed) {
+            self.receive_until(due);
+            let now = Monotonic.now();
+            if now.saturating_sub(due) > HOPELESS {
+                due = now;
+            }
+            while due <= now {
+                self.simulation.advance(&mut self.out);
+                self.send();
+                (self.each_step)(due, &mut self.simulation);
+                due += step;
+            }
+        }
+        Report { imu_to_command: self.latency.quantiles() }
+    }
+
+    /// Takes what the controller says the moment it says it, until `due`.
+    fn receive_until(&mut self, due: Nanos) {
+        loop {
+            let left = due.saturating_sub(Monotonic.now());
+            if left == 0 {
+                return;
+            }
+            let timeout = Timespec { tv_sec: 0, tv_nsec: left as _ };
+            let ready = poll(&mut [PollFd::new(&self.port, PollFlags::IN)], Some(&timeout));
+            if ready != Ok(1) {
+                continue;
+            }
+            let mut bytes = [0; 1024];
+            let Some(count) = self.port.read(&mut bytes) else { return };
+            let before = self.simulation.firmware().speeds_received();
+            self.simulation.receive(&bytes[..count], &mut self.out);
+            if self.simulation.firmware().speeds_received() > before
+                && let Some(written) = self.imu_written.take()
+            {
+                self.latency.record(Monotonic.now().saturating_sub(written));
+            }
+            self.send();
+        }
+    }
+
+    fn send(&mut self) {
+        if self.out.windows(2).any(|pair| pair == b"^I") {
+            self.imu_written = Some(Monotonic.now());
+        }
+        if !self.out.is_empty() {
+            // A full line loses the bytes, as a serial one does.
+            self.port.write(&self.out);
+            self.out.clear();
+        }
+    }
+}
