@@ -89,6 +89,10 @@ pub struct ControllerOutput {
     pub wrench_tool_w: Wrench,
     /// What entered the admittance filter: behind low-pass and dead zone.
     pub wrench_admittance_w: Wrench,
+    /// What the tool is asked to do.
+    pub setpoint: Setpoint,
+    /// Whether contact moves the reference.
+    pub compliant: bool,
     /// Reference of the tool.
     pub reference: Setpoint,
     /// Reference of the centre of mass.
@@ -134,6 +138,12 @@ impl Controller {
         &self.params
     }
 
+    /// Uses another admittance filter from now on; the reference stays where it is.
+    pub fn set_admittance(&mut self, filter: AdmittanceFilter) {
+        self.params.admittance = *filter.params();
+        self.admittance = filter;
+    }
+
     /// One tick: `dt` is the measured time since the last, s.
     pub fn step(&self, state: &mut ControllerState, input: &ControllerInput, dt: f64) -> ControllerOutput {
         let robot = &input.state;
@@ -172,6 +182,8 @@ impl Controller {
             wrench_robot: observed,
             wrench_tool_w,
             wrench_admittance_w,
+            setpoint: input.setpoint,
+            compliant: input.compliant,
             reference: yielded.reference,
             robot_reference,
             pose,

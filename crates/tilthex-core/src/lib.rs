@@ -23,6 +23,7 @@ pub mod bias;
 pub mod controller;
 pub mod error;
 pub mod filters;
+pub mod flight;
 pub mod link;
 pub mod plant;
 pub mod pose_control;

@@ -7,20 +7,20 @@ use tilthex_core::{
     vehicle::{Mounting, TiltedHexarotor},
 };
 
-pub fn vector(size: f64) -> impl Strategy<Value = Vector3> {
+pub(crate) fn vector(size: f64) -> impl Strategy<Value = Vector3> {
     prop::array::uniform3(-size..size).prop_map(Vector3::from)
 }
 
-pub fn rotation() -> impl Strategy<Value = Matrix3> {
+pub(crate) fn rotation() -> impl Strategy<Value = Matrix3> {
     vector(3.1).prop_map(|v| so3::exp(&v))
 }
 
-pub fn wrench(force: f64, torque: f64) -> impl Strategy<Value = Wrench> {
+pub(crate) fn wrench(force: f64, torque: f64) -> impl Strategy<Value = Wrench> {
     (vector(force), vector(torque)).prop_map(|(force, torque)| Wrench { force, torque })
 }
 
 /// Principal moments that a rigid body can have, turned anyhow.
-pub fn inertia() -> impl Strategy<Value = Matrix3> {
+pub(crate) fn inertia() -> impl Strategy<Value = Matrix3> {
     (prop::array::uniform3(0.003..0.05f64), rotation()).prop_map(|(masses, r)| {
         // Point masses on three axes: the triangle inequality holds by construction.
         let [a, b, c] = masses;
@@ -28,7 +28,7 @@ pub fn inertia() -> impl Strategy<Value = Matrix3> {
     })
 }
 
-pub fn vehicle() -> impl Strategy<Value = Vehicle> {
+pub(crate) fn vehicle() -> impl Strategy<Value = Vehicle> {
     (0.5..5.0f64, inertia(), 0.2..0.6f64, 15.0..40.0f64, 0.0..15.0f64, vector(0.5), rotation()).prop_map(
         |(mass, inertia, arm, alpha, beta, position_r, rotation_r)| {
             let hexarotor = TiltedHexarotor {
@@ -49,7 +49,7 @@ pub fn vehicle() -> impl Strategy<Value = Vehicle> {
 }
 
 /// The paper's Tilt-Hex (table 1, with the published rotor figures).
-pub fn tilt_hex() -> Vehicle {
+pub(crate) fn tilt_hex() -> Vehicle {
     let hexarotor = TiltedHexarotor {
         arm: 0.39,
         rotor_offset: Vector3::zeros(),

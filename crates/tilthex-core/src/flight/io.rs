@@ -1,0 +1,138 @@
+//! What goes into a tick and what comes out of it.
+
+use super::record::Record;
+use crate::{
+    Error,
+    admittance::AdmittanceFilter,
+    trajectory::{Limits, MAX_WAYPOINTS, Trajectory, Waypoint},
+    types::{PoseSample, Setpoint, Wrench},
+};
+
+/// Most bytes a tick takes from the link: five times what the vehicle sends in a period.
+pub const MAX_BYTES_IN: usize = 512;
+/// Most bytes a tick sends.
+pub const MAX_BYTES_OUT: usize = 128;
+/// Most poses a tick takes in.
+pub const MAX_POSES: usize = 4;
+
+/// Way-points to fly from wherever the tool's set-point is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Route {
+    waypoints: [Waypoint; MAX_WAYPOINTS],
+    count: usize,
+    limits: Limits,
+}
+
+impl Route {
+    /// Checks way-points and limits.
+    ///
+    /// # Errors
+    /// No way-point, or what [`Trajectory::new`] refuses.
+    pub fn new(waypoints: &[Waypoint], limits: &Limits) -> Result<Self, Error> {
+        let Some(first) = waypoints.first() else {
+            return Err(Error::Count { name: "way-points", found: 0, min: 1, max: MAX_WAYPOINTS });
+        };
+        Trajectory::new(*first, waypoints, limits)?;
+        let mut padded = [*first; MAX_WAYPOINTS];
+        padded[..waypoints.len()].copy_from_slice(waypoints);
+        Ok(Self { waypoints: padded, count: waypoints.len(), limits: *limits })
+    }
+
+    /// The way-points.
+    #[must_use]
+    pub fn waypoints(&self) -> &[Waypoint] {
+        &self.waypoints[..self.count]
+    }
+
+    /// The limits on the way.
+    #[must_use]
+    pub fn limits(&self) -> &Limits {
+        &self.limits
+    }
+}
+
+/// An order to a running flight, already validated.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // kept in pre-sized rings; a box would allocate
+pub enum Command {
+    /// Start the motors and take off.
+    TakeOff,
+    /// Fly a route from where the set-point is.
+    Play(Route),
+    /// Follow streamed set-points; stale after 0.2 s.
+    Follow(Setpoint),
+    /// Use other admittance parameters from now on; the reference does not jump.
+    SetAdmittance(AdmittanceFilter),
+    /// The wrench the tool shall exert, in place of the trajectory's (world, at the tip).
+    SetWrench(Wrench),
+    /// Take the trajectory's wrench again.
+    ReleaseWrench,
+    /// Learn the observer's bias from a contact-free hover, from now on for the configured time.
+    ZeroBias,
+    /// Land.
+    Land,
+    /// Stop the motors at once, wherever the vehicle is.
+    Kill,
+}
+
+/// What only the host can see.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct HostFacts {
+    /// A signal or the end of the duration asks to land.
+    pub land: bool,
+    /// The port is gone.
+    pub link_lost: bool,
+    /// The log can not be written.
+    pub log_lost: bool,
+}
+
+/// Everything a tick may depend on. The same inputs give the same outputs, bit for bit.
+#[derive(Clone, Copy, Debug)]
+pub struct TickInput<'a> {
+    /// Now, s, monotonic.
+    pub time: f64,
+    /// Bytes read from the link since the last tick, at most [`MAX_BYTES_IN`].
+    pub bytes: &'a [u8],
+    /// Poses that have arrived since the last tick, at most [`MAX_POSES`].
+    pub poses: &'a [PoseSample],
+    /// An order.
+    pub command: Option<&'a Command>,
+    /// What only the host can see.
+    pub host: HostFacts,
+}
+
+/// What a tick gives: bytes for the link, and a record of all it did.
+#[derive(Clone, Copy, Debug)]
+pub struct TickOutput {
+    buffer: [u8; MAX_BYTES_OUT],
+    length: usize,
+    /// For the log.
+    pub record: Record,
+}
+
+impl Default for TickOutput {
+    fn default() -> Self {
+        Self { buffer: [0; MAX_BYTES_OUT], length: 0, record: Record::default() }
+    }
+}
+
+impl TickOutput {
+    /// The bytes to write, whole frames.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.buffer.get(..self.length).unwrap_or(&[])
+    }
+
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    /// Appends a frame that `encode` writes and returns the length of; one that
+    /// does not fit is left out whole.
+    pub fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
+        if let Some(free) = self.buffer.get_mut(self.length..) {
+            self.length += encode(free);
+        }
+    }
+}

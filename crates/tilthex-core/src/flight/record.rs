@@ -1,0 +1,188 @@
+//! Everything a tick took in and did, of fixed size: for the log, for replay, for the report after a fault.
+
+use super::io::{HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES};
+use crate::{
+    link::tk3::{Severity, Text},
+    supervisor::{FaultSet, Phase},
+    types::{Matrix3, PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
+};
+
+/// The inputs of a tick as they came: enough to run it again.
+#[derive(Clone, Copy, Debug)]
+pub struct RawInput {
+    /// Now, s, monotonic.
+    pub time: f64,
+    /// Bytes from the link.
+    pub bytes: [u8; MAX_BYTES_IN],
+    /// How many of them.
+    pub byte_count: u16,
+    /// Captured poses.
+    pub poses: [PoseSample; MAX_POSES],
+    /// How many of them.
+    pub pose_count: u8,
+    /// Whether an order came with this tick (it is logged by itself).
+    pub command: bool,
+    /// What only the host can see.
+    pub host: HostFacts,
+}
+
+impl RawInput {
+    /// The bytes from the link.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.byte_count)).unwrap_or(&[])
+    }
+
+    /// The captured poses.
+    #[must_use]
+    pub fn poses(&self) -> &[PoseSample] {
+        self.poses.get(..usize::from(self.pose_count)).unwrap_or(&[])
+    }
+}
+
+/// Counters of what the link and the estimator refused.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkCounters {
+    /// Messages taken.
+    pub messages: u32,
+    /// Frames refused for letter, length, range or escape.
+    pub refused_frames: u32,
+    /// Samples refused by the gate.
+    pub refused_samples: u32,
+    /// Inertial samples lost, by their sequence numbers.
+    pub lost_samples: u32,
+    /// Poses taken.
+    pub poses: u32,
+    /// Poses refused.
+    pub refused_poses: u32,
+}
+
+/// One tick.
+#[derive(Clone, Copy, Debug)]
+pub struct Record {
+    /// Number of the tick, from 0.
+    pub tick: u64,
+    /// Time since the last tick, s.
+    pub dt: f64,
+    /// The inputs as they came.
+    pub raw: RawInput,
+    /// Phase after the tick.
+    pub phase: Phase,
+    /// Faults that last.
+    pub faults: FaultSet,
+    /// Estimated pose and twist of the robot.
+    pub state: RobotState,
+    /// Estimated gyroscope bias, rad/s, IMU axes.
+    pub gyro_bias_i: Vector3,
+    /// Estimated accelerometer bias, m/s^2, IMU axes.
+    pub accelerometer_bias_i: Vector3,
+    /// Deviations of the estimate: position (m), velocity (m/s), rotation (rad), largest axis.
+    pub deviation: [f64; 3],
+    /// Normalised innovation squared of the newest pose.
+    pub innovation: f64,
+    /// Age of the newest pose taken, s.
+    pub pose_age: f64,
+    /// Specific force at the centre of mass, m/s^2, R.
+    pub specific_force_r: Vector3,
+    /// What the tool is asked to do.
+    pub setpoint: Setpoint,
+    /// Reference of the tool, behind the admittance filter.
+    pub reference: Setpoint,
+    /// External wrench at the centre of mass as observed (force W, torque R).
+    pub wrench_robot: Wrench,
+    /// External wrench at the tool, W.
+    pub wrench_tool_w: Wrench,
+    /// What entered the admittance filter, W.
+    pub wrench_admittance_w: Wrench,
+    /// e_p, m, W.
+    pub position_error_w: Vector3,
+    /// e_R, R.
+    pub rotation_error_r: Vector3,
+    /// Whether contact moves the reference.
+    pub compliant: bool,
+    /// Whether a rotor is at a limit.
+    pub saturated: bool,
+    /// Whether the admittance filter is at its excursion limit.
+    pub excursion_limited: bool,
+    /// Commanded rotor speeds, Hz.
+    pub rotor_command: RotorVector,
+    /// Measured rotor speeds, Hz.
+    pub rotor_speeds: RotorVector,
+    /// Sum of the motors' currents, A.
+    pub current: f64,
+    /// Battery, V; NaN before it is known.
+    pub battery: f64,
+    /// Counters.
+    pub counters: LinkCounters,
+    /// Inertial samples taken in this tick.
+    pub imu_samples: u8,
+    /// A text from the vehicle.
+    pub text: Option<(Severity, Text)>,
+    /// The bytes sent.
+    pub sent: [u8; MAX_BYTES_OUT],
+    /// How many of them.
+    pub sent_count: u8,
+}
+
+impl Default for Record {
+    fn default() -> Self {
+        let zero = Vector3::zeros();
+        let hold = Setpoint::hold(zero, Matrix3::identity());
+        let pose = PoseSample {
+            time: 0.0,
+            arrival: 0.0,
+            position_w: zero,
+            rotation_wr: Matrix3::identity(),
+            tracking_valid: false,
+        };
+        Self {
+            tick: 0,
+            dt: 0.0,
+            raw: RawInput {
+                time: 0.0,
+                bytes: [0; MAX_BYTES_IN],
+                byte_count: 0,
+                poses: [pose; MAX_POSES],
+                pose_count: 0,
+                command: false,
+                host: HostFacts::default(),
+            },
+            phase: Phase::Disarmed,
+            faults: FaultSet::NONE,
+            state: RobotState::at_rest(zero),
+            gyro_bias_i: zero,
+            accelerometer_bias_i: zero,
+            deviation: [0.0; 3],
+            innovation: 0.0,
+            pose_age: 0.0,
+            specific_force_r: zero,
+            setpoint: hold,
+            reference: hold,
+            wrench_robot: Wrench::ZERO,
+            wrench_tool_w: Wrench::ZERO,
+            wrench_admittance_w: Wrench::ZERO,
+            position_error_w: zero,
+            rotation_error_r: zero,
+            compliant: false,
+            saturated: false,
+            excursion_limited: false,
+            rotor_command: RotorVector::zeros(),
+            rotor_speeds: RotorVector::zeros(),
+            current: 0.0,
+            battery: f64::NAN,
+            counters: LinkCounters::default(),
+            imu_samples: 0,
+            text: None,
+            sent: [0; MAX_BYTES_OUT],
+            sent_count: 0,
+        }
+    }
+}
+
+impl Record {
+    /// The bytes sent.
+    #[must_use]
+    pub fn sent(&self) -> &[u8] {
+        self.sent.get(..usize::from(self.sent_count)).unwrap_or(&[])
+    }
+}
