@@ -20,6 +20,7 @@
 pub mod admittance;
 pub mod allocation;
 pub mod bias;
+pub mod clock_sync;
 pub mod controller;
 pub mod error;
 pub mod filters;

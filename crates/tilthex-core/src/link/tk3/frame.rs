@@ -1,5 +1,7 @@
 //! Framing: bytes to bodies and back.
 
+use crate::link::bump;
+
 /// Longest body, bytes, the message's letter included.
 pub const MAX_BODY: usize = 64;
 /// Longest frame on the wire, bytes: every byte of the body escaped, and the two marks.
@@ -104,10 +106,6 @@ pub struct FrameCounters {
     pub stray_bytes: u32,
 }
 
-pub(super) fn count(counter: &mut u32) {
-    *counter = counter.saturating_add(1);
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum State {
     Outside,
@@ -136,22 +134,22 @@ impl Decoder {
             // The start and abort marks are never data: they count even where an escaped byte should be.
             (state, START) => {
                 if state != State::Outside {
-                    count(&mut self.counters.cut);
+                    bump(&mut self.counters.cut);
                 }
                 self.frame = Frame::empty();
                 self.state = State::Body;
             }
-            (State::Outside, _) => count(&mut self.counters.stray_bytes),
+            (State::Outside, _) => bump(&mut self.counters.stray_bytes),
             (_, ABORT) => {
-                count(&mut self.counters.aborted);
+                bump(&mut self.counters.aborted);
                 self.state = State::Outside;
             }
             (State::Body, END) => {
                 self.state = State::Outside;
                 if self.frame.body().is_empty() {
-                    count(&mut self.counters.empty);
+                    bump(&mut self.counters.empty);
                 } else {
-                    count(&mut self.counters.whole);
+                    bump(&mut self.counters.whole);
                     return Some(self.frame);
                 }
             }
@@ -162,7 +160,7 @@ impl Decoder {
                 self.store(!byte);
             }
             (State::Escaped, _) => {
-                count(&mut self.counters.bad_escape);
+                bump(&mut self.counters.bad_escape);
                 self.state = State::Outside;
             }
         }
@@ -177,7 +175,7 @@ impl Decoder {
 
     fn store(&mut self, byte: u8) {
         if !self.frame.push(byte) {
-            count(&mut self.counters.overlong);
+            bump(&mut self.counters.overlong);
             self.state = State::Outside;
         }
     }

@@ -1,6 +1,7 @@
 //! Bytes to messages, with counts of everything refused.
 
-use super::frame::{Decoder, FrameCounters, count};
+use super::frame::{Decoder, FrameCounters};
+use crate::link::bump;
 use core::marker::PhantomData;
 
 /// Why a whole frame is not a message.
@@ -83,12 +84,12 @@ impl<M: Message> Receiver<M> {
         let frame = self.decoder.push(byte)?;
         match M::parse(frame.body()) {
             Ok(message) => {
-                count(&mut self.counters.messages);
+                bump(&mut self.counters.messages);
                 return Some(message);
             }
-            Err(Refusal::UnknownLetter(_)) => count(&mut self.counters.unknown_letter),
-            Err(Refusal::WrongLength { .. }) => count(&mut self.counters.wrong_length),
-            Err(Refusal::OutOfRange(_)) => count(&mut self.counters.out_of_range),
+            Err(Refusal::UnknownLetter(_)) => bump(&mut self.counters.unknown_letter),
+            Err(Refusal::WrongLength { .. }) => bump(&mut self.counters.wrong_length),
+            Err(Refusal::OutOfRange(_)) => bump(&mut self.counters.out_of_range),
         }
         None
     }

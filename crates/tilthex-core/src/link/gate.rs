@@ -1,0 +1,120 @@
+//! What stands between a decoded sample and the estimator: the protocol has no
+//! checksum, so a flipped bit yields a well-formed sample.
+
+use super::bump;
+use crate::error::{Error, check_range};
+
+/// What a stream of `N` numbers can be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GateParams<const N: usize> {
+    /// Smallest of each.
+    pub min: [f64; N],
+    /// Largest of each.
+    pub max: [f64; N],
+    /// Largest change of each from one sample to the next; infinity for any.
+    pub jump: [f64; N],
+    /// A jump is believed once so many samples in a row agree with it.
+    pub patience: u8,
+}
+
+/// What a gate says of a sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// It may pass.
+    Pass,
+    /// A number is not finite or out of range.
+    OutOfRange,
+    /// A number is too far from the last sample that passed.
+    Jump,
+}
+
+/// Counts of one gate; they saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct GateCounters {
+    /// Samples that passed.
+    pub passed: u32,
+    /// Samples refused for their range.
+    pub out_of_range: u32,
+    /// Samples refused for their jump.
+    pub jumps: u32,
+}
+
+/// A gate for one stream of `N` numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gate<const N: usize> {
+    params: GateParams<N>,
+    last: Option<[f64; N]>,
+    /// The newest sample after a jump, and how many in a row agree with it.
+    candidate: Option<([f64; N], u8)>,
+    counters: GateCounters,
+}
+
+impl<const N: usize> Gate<N> {
+    /// A gate that nothing passed yet.
+    ///
+    /// # Errors
+    /// When a range is empty or not finite, or a jump is negative or NaN.
+    pub fn new(params: GateParams<N>) -> Result<Self, Error> {
+        for ((&min, &max), &jump) in params.min.iter().zip(&params.max).zip(&params.jump) {
+            check_range("gate minimum", min, f64::MIN, max)?;
+            check_range("gate maximum", max, min, f64::MAX)?;
+            if jump.is_nan() || jump < 0.0 {
+                return Err(Error::OutOfRange {
+                    name: "gate jump",
+                    found: jump,
+                    min: 0.0,
+                    max: f64::INFINITY,
+                });
+            }
+        }
+        Ok(Self { params, last: None, candidate: None, counters: GateCounters::default() })
+    }
+
+    /// Judges a sample; `lost` samples between it and the last one widen the allowed jump.
+    pub fn step(&mut self, sample: &[f64; N], lost: u32) -> Verdict {
+        let mut bounds = sample.iter().zip(self.params.min.iter().zip(&self.params.max));
+        // A NaN is in no range.
+        if !bounds.all(|(x, (min, max))| min <= x && x <= max) {
+            bump(&mut self.counters.out_of_range);
+            return Verdict::OutOfRange;
+        }
+        let steps = 1.0 + f64::from(lost);
+        if self.last.is_none_or(|last| self.near(&last, sample, steps)) {
+            self.pass(sample);
+            return Verdict::Pass;
+        }
+        let agreeing = match self.candidate {
+            Some((before, agreeing)) if self.near(&before, sample, steps) => agreeing.saturating_add(1),
+            _ => 1,
+        };
+        if agreeing > self.params.patience {
+            self.pass(sample);
+            return Verdict::Pass;
+        }
+        self.candidate = Some((*sample, agreeing));
+        bump(&mut self.counters.jumps);
+        Verdict::Jump
+    }
+
+    /// Forgets the last sample, as after a silence.
+    pub fn forget(&mut self) {
+        self.last = None;
+        self.candidate = None;
+    }
+
+    /// Counts so far.
+    #[must_use]
+    pub fn counters(&self) -> GateCounters {
+        self.counters
+    }
+
+    fn near(&self, a: &[f64; N], b: &[f64; N], steps: f64) -> bool {
+        a.iter().zip(b).zip(&self.params.jump).all(|((a, b), jump)| (a - b).abs() <= jump * steps)
+    }
+
+    fn pass(&mut self, sample: &[f64; N]) {
+        self.last = Some(*sample);
+        self.candidate = None;
+        bump(&mut self.counters.passed);
+    }
+}

@@ -1,0 +1,135 @@
+//! Time from sequence numbers: frames carry no time, but they are numbered
+//! (u8, wrapping) and come at a fixed period.
+
+use super::bump;
+use crate::{
+    clock_sync::{ClockEvent, ClockParams, ClockSync, Stamp},
+    error::{Error, check_range},
+};
+
+/// What became of a numbered sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Arrival {
+    /// A new one, made at a time, after so many that were lost.
+    New {
+        /// When it was made, s on the host's clock; never before the one
+        /// before, never after its arrival.
+        time: f64,
+        /// Samples lost since the one before.
+        lost: u32,
+        /// What it did to the clock of the stream.
+        event: ClockEvent,
+    },
+    /// The same number again: to be dropped.
+    Duplicate,
+    /// A number that neither the clock nor its neighbour supports: probably a
+    /// flipped bit. The sample may be good; when it was made is not known.
+    Suspect,
+}
+
+/// Counts of one stream; they saturate.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct SequenceCounters {
+    /// New samples.
+    pub new: u32,
+    /// Samples that never came.
+    pub lost: u32,
+    /// Samples that came again.
+    pub duplicates: u32,
+    /// Numbers that nothing supports.
+    pub suspect: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Last {
+    number: u8,
+    count: u64,
+    arrival: f64,
+    time: f64,
+    /// A suspect number: believed when the next one follows it.
+    candidate: Option<u8>,
+}
+
+/// The clock of one numbered stream.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SequenceClock {
+    period: f64,
+    clock: ClockSync,
+    last: Option<Last>,
+    counters: SequenceCounters,
+}
+
+impl SequenceClock {
+    /// After a silence of so many periods the numbers say nothing: the clock starts anew.
+    const SILENCE: f64 = 128.0;
+
+    /// A stream with a period in s, of which nothing came yet. Stamps may
+    /// differ by four periods, or by the parameters' jump where that is larger.
+    ///
+    /// # Errors
+    /// When the period is not within 10 us to 2.5 s, or [`ClockSync::new`] refuses the parameters.
+    pub fn new(period: f64, params: ClockParams) -> Result<Self, Error> {
+        check_range("stream period (s)", period, 1e-5, 2.5)?;
+        let jump = params.jump.max(4.0 * period);
+        let clock = ClockSync::new(ClockParams { jump, ..params })?;
+        Ok(Self { period, clock, last: None, counters: SequenceCounters::default() })
+    }
+
+    /// Takes the number of a sample that arrived at a time, s.
+    pub fn step(&mut self, number: u8, arrival: f64) -> Arrival {
+        let Some(last) = self.last else {
+            let stamp = self.clock.step(0.0, arrival);
+            return self.accept(number, 0, 0, arrival, stamp);
+        };
+        let advance = number.wrapping_sub(last.number);
+        if arrival - last.arrival > Self::SILENCE * self.period {
+            let count = last.count.saturating_add(u64::from(advance));
+            let stamp = self.clock.restart(self.remote(count), arrival);
+            return self.accept(number, count, 0, arrival, stamp);
+        }
+        if advance == 0 {
+            bump(&mut self.counters.duplicates);
+            return Arrival::Duplicate;
+        }
+        let samples = last.count.saturating_add(u64::from(advance));
+        let follows = |before: u8| number == before.wrapping_add(1);
+        if advance == 1 || self.in_time(samples, arrival) || last.candidate.is_some_and(follows) {
+            let stamp = self.clock.step(self.remote(samples), arrival);
+            self.accept(number, samples, u32::from(advance) - 1, arrival, stamp)
+        } else {
+            self.last = Some(Last { candidate: Some(number), ..last });
+            bump(&mut self.counters.suspect);
+            Arrival::Suspect
+        }
+    }
+
+    /// Counts so far.
+    #[must_use]
+    pub fn counters(&self) -> SequenceCounters {
+        self.counters
+    }
+
+    /// How often the clock of the stream started anew.
+    #[must_use]
+    pub fn resets(&self) -> u32 {
+        self.clock.resets()
+    }
+
+    fn remote(&self, count: u64) -> f64 {
+        count as f64 * self.period
+    }
+
+    /// Whether a sample can have been made by now, within one period.
+    fn in_time(&self, count: u64, arrival: f64) -> bool {
+        let remote = self.remote(count);
+        self.clock.offset(remote).is_some_and(|offset| remote + offset <= arrival + self.period)
+    }
+
+    fn accept(&mut self, number: u8, samples: u64, lost: u32, arrival: f64, stamp: Stamp) -> Arrival {
+        let time = self.last.map_or(stamp.time, |last| stamp.time.max(last.time).min(arrival));
+        self.last = Some(Last { number, count: samples, arrival, time, candidate: None });
+        bump(&mut self.counters.new);
+        self.counters.lost = self.counters.lost.saturating_add(lost);
+        Arrival::New { time, lost, event: stamp.event }
+    }
+}
