@@ -1,15 +1,19 @@
-//! Compiles `proto/tilthex.proto` to the Rust messages and to the descriptor set that every log carries.
+//! Compiles `proto/` to the Rust messages, and to the descriptors that every log carries.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
-use prost_build::Config;
+const FILES: [&str; 3] = ["tilthex.proto", "foxglove/Log.proto", "foxglove/FrameTransform.proto"];
 
 fn main() -> Result<(), Box<dyn Error>> {
-    println!("cargo:rerun-if-changed=proto/tilthex.proto");
+    println!("cargo:rerun-if-changed=proto");
     let out = PathBuf::from(env::var("OUT_DIR")?);
     let mut compiler = protox::Compiler::new(["proto"])?;
-    compiler.include_imports(true).open_file("tilthex.proto")?;
-    fs::write(out.join("tilthex.descriptor.bin"), compiler.encode_file_descriptor_set())?;
-    Config::new().out_dir(&out).compile_fds(compiler.file_descriptor_set())?;
+    compiler.include_imports(true);
+    for file in FILES {
+        compiler.open_file(file)?;
+    }
+    let descriptors = compiler.file_descriptor_set();
+    fs::write(out.join("descriptors.bin"), compiler.encode_file_descriptor_set())?;
+    prost_build::Config::new().enable_type_names().out_dir(out).compile_fds(descriptors)?;
     Ok(())
 }

@@ -6,6 +6,7 @@
 
 pub mod failure;
 pub mod histogram;
+pub mod log;
 pub mod port;
 pub mod realtime;
 pub mod sim;

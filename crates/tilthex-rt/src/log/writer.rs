@@ -1,0 +1,195 @@
+//! An MCAP file of protobuf messages: a schema on every channel, and readable
+//! up to its last flush whatever happens to the program.
+
+use std::{collections::BTreeMap, io::Write};
+
+use mcap::{Attachment, Compression, McapError, WriteOptions, records::MessageHeader, write::NoSeek};
+use prost::{Message, Name};
+
+use super::messages::DESCRIPTORS;
+
+/// Largest chunk before it is written, bytes.
+const CHUNK: u64 = 512 * 1024;
+
+/// A channel of a [`LogWriter`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Topic(u16);
+
+/// When a message was made and logged, ns since 1970.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Stamp {
+    /// When its content holds.
+    pub publish: u64,
+    /// When it was logged.
+    pub log: u64,
+}
+
+/// Writes a log.
+pub struct LogWriter<W: Write> {
+    writer: mcap::Writer<NoSeek<W>>,
+    sequences: BTreeMap<u16, u32>,
+    buffer: Vec<u8>,
+}
+
+impl<W: Write> LogWriter<W> {
+    /// Begins a log.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn new(file: W) -> Result<Self, McapError> {
+        let options = WriteOptions::new()
+            .compression(Some(Compression::Lz4))
+            .chunk_size(Some(CHUNK))
+            .library(concat!("tilthex ", env!("CARGO_PKG_VERSION")))
+            // Chunks are put together in memory and written whole, so a killed program leaves no half one.
+            .disable_seeking(true);
+        let writer = options.create(NoSeek::new(file))?;
+        Ok(Self { writer, sequences: BTreeMap::new(), buffer: Vec::with_capacity(4096) })
+    }
+
+    /// Adds a channel for messages of one kind.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn topic<M: Name>(&mut self, topic: &str) -> Result<Topic, McapError> {
+        let schema = self.writer.add_schema(&M::full_name(), "protobuf", DESCRIPTORS)?;
+        let id = self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?;
+        self.sequences.insert(id, 0);
+        Ok(Topic(id))
+    }
+
+    /// Appends a message.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn put(&mut self, topic: Topic, stamp: Stamp, message: &impl Message) -> Result<(), McapError> {
+        self.buffer.clear();
+        message.encode_raw(&mut self.buffer);
+        let sequence = self.sequences.entry(topic.0).or_default();
+        let header = MessageHeader {
+            channel_id: topic.0,
+            sequence: *sequence,
+            log_time: stamp.log,
+            publish_time: stamp.publish,
+        };
+        *sequence = sequence.wrapping_add(1);
+        self.writer.write_to_known_channel(&header, &self.buffer)
+    }
+
+    /// Attaches a file.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8], time: u64) -> Result<(), McapError> {
+        self.writer.attach(&Attachment {
+            log_time: time,
+            create_time: time,
+            name: name.into(),
+            media_type: media_type.into(),
+            data: data.into(),
+        })
+    }
+
+    /// Writes what is held back; all of it can be read from now on.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn flush(&mut self) -> Result<(), McapError> {
+        self.writer.flush()
+    }
+
+    /// Ends the log with its index.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn finish(mut self) -> Result<W, McapError> {
+        self.writer.finish()?;
+        Ok(self.writer.into_inner().into_inner())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::log::messages::{Flight, Vector3};
+    use mcap::{MessageStream, read::Options};
+    use proptest::prelude::*;
+    use std::{cell::RefCell, rc::Rc};
+
+    /// A file whose length can be asked for while it is written.
+    #[derive(Clone, Default)]
+    struct Shared(Rc<RefCell<Vec<u8>>>);
+
+    impl Write for Shared {
+        fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+            self.0.borrow_mut().write(bytes)
+        }
+        fn flush(&mut self) -> std::io::Result<()> {
+            Ok(())
+        }
+    }
+
+    fn stamp(time: u64) -> Stamp {
+        Stamp { publish: time, log: time + 7 }
+    }
+
+    #[test]
+    fn what_is_written_is_read_back_with_schema_and_times() {
+        let mut log = LogWriter::new(Vec::new()).expect("begins");
+        let topic = log.topic::<Vector3>("/v").expect("added");
+        log.attach("config.toml", "application/toml", b"[vehicle]\n", 1).expect("attached");
+        let sent = Vector3 { x: 1.0, y: -2.5, z: f64::MIN_POSITIVE };
+        for i in 0..3 {
+            log.put(topic, stamp(100 + i), &sent).expect("written");
+        }
+        let bytes = log.finish().expect("ends");
+        let read: Vec<_> = MessageStream::new(&bytes).expect("a log").map(|m| m.expect("whole")).collect();
+        assert_eq!(read.len(), 3);
+        for (i, message) in (0..).zip(&read) {
+            assert_eq!((message.publish_time, message.log_time), (100 + i, 107 + i));
+            assert_eq!(message.sequence, i as u32);
+            let schema = message.channel.schema.as_ref().expect("a schema");
+            assert_eq!((&*schema.name, &*schema.encoding), ("tilthex.Vector3", "protobuf"));
+            assert_eq!(Vector3::decode(&*message.data).expect("decodes"), sent);
+        }
+        let summary = mcap::Summary::read(&bytes).expect("readable").expect("there");
+        assert_eq!(summary.attachment_indexes[0].name, "config.toml");
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn a_file_cut_anywhere_keeps_what_was_flushed(
+            groups in prop::collection::vec(1..40u64, 1..8), rest in 0..40u64, cut in 0.0..1.0f64,
+        ) {
+            let file = Shared::default();
+            let mut log = LogWriter::new(file.clone()).expect("begins");
+            let topic = log.topic::<Flight>("/flight").expect("added");
+            let mut tick = 0;
+            // (length of the file, messages that must be readable in it)
+            let mut flushed = vec![];
+            for count in groups {
+                for _ in 0..count {
+                    log.put(topic, stamp(tick), &Flight { tick, ..Flight::default() }).expect("written");
+                    tick += 1;
+                }
+                log.flush().expect("flushed");
+                flushed.push((file.0.borrow().len(), tick));
+            }
+            for _ in 0..rest {
+                log.put(topic, stamp(tick), &Flight { tick, ..Flight::default() }).expect("written");
+                tick += 1;
+            }
+            log.finish().expect("ends");
+            let bytes = file.0.take();
+            let first = flushed[0].0;
+            let length = first + (cut * (bytes.len() - first) as f64) as usize;
+            let expected = flushed.iter().filter(|(end, _)| *end <= length).map(|f| f.1).max().unwrap_or(0);
+            let found = MessageStream::new_with_options(&bytes[..length], Options::IgnoreEndMagic.into())
+                .expect("a log")
+                .take_while(Result::is_ok)
+                .count() as u64;
+            prop_assert!(found >= expected, "{found} of {expected}");
+        }
+    }
+}
