@@ -1,58 +1,434 @@
-//! From a wanted body wrench to rotor speeds within their limits; (12), (26).
+//! From a wanted body wrench to rotor inputs within their limits; (12), (26).
+//!
+//! Where the rotors can produce the wrench, they do: `u = A^-1 w`, or of all
+//! solutions the one nearest to the hover inputs. Where they can not, the parts
+//! of the wrench are served in strict order of [`Priority`]: no part is worse
+//! by the least amount for the sake of one after it (see `hierarchy`).
+
+mod hierarchy;
 
 use crate::{
-    Vehicle,
-    types::{RotorVector, Vector6},
+    Error, GRAVITY, Vehicle,
+    error::check_range,
+    types::{MAX_ROTORS, RotorVector, Vector6},
     vehicle::{Allocation as Matrix, AllocationInverse, inputs},
 };
+use hierarchy::{Problem, ROWS, Side};
+use libm::{exp, sqrt};
+
+/// Most steps of one search. No input is known that needs half of them; a
+/// search that reached them would return its best inputs so far, in the limits.
+pub const MAX_ITERATIONS: u32 = hierarchy::MAX_ITERATIONS;
+
+/// A part of the body wrench, met or given up as one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Priority {
+    /// Torque about x and y, N m: keeps the attitude.
+    RollPitchTorque,
+    /// Force along z, N: keeps the height.
+    VerticalForce,
+    /// Torque about z, N m.
+    YawTorque,
+    /// Force along x and y, N.
+    LateralForce,
+}
+
+impl Priority {
+    /// Attitude before height before heading before place.
+    pub const ORDER: [Self; 4] =
+        [Self::RollPitchTorque, Self::VerticalForce, Self::YawTorque, Self::LateralForce];
+
+    /// Its name in a configuration.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::RollPitchTorque => "roll-pitch-torque",
+            Self::VerticalForce => "vertical-force",
+            Self::YawTorque => "yaw-torque",
+            Self::LateralForce => "lateral-force",
+        }
+    }
+
+    /// The priority of a [`Self::name`].
+    #[must_use]
+    pub fn from_name(name: &str) -> Option<Self> {
+        Self::ORDER.into_iter().find(|p| p.name() == name)
+    }
+
+    /// Its rows in a wrench `[force; torque]`.
+    #[must_use]
+    pub fn rows(self) -> &'static [usize] {
+        match self {
+            Self::RollPitchTorque => &[3, 4],
+            Self::VerticalForce => &[2],
+            Self::YawTorque => &[5],
+            Self::LateralForce => &[0, 1],
+        }
+    }
+}
+
+/// How limits are dealt with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AllocatorParams {
+    /// The parts of the wrench, most important first; each once.
+    pub order: [Priority; 4],
+    /// Inputs are limited to what the rotors, with their first-order lag, can
+    /// reach from their measured speeds within this time, s; 0 for no such limit.
+    pub horizon: f64,
+}
+
+impl Default for AllocatorParams {
+    fn default() -> Self {
+        Self { order: Priority::ORDER, horizon: 0.0 }
+    }
+}
 
 /// The allocator of one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocator {
     matrix: Matrix,
+    /// Inputs of a wrench where no limit is active: `inverse * wrench + offset`.
     inverse: AllocationInverse,
-    min_input: RotorVector,
-    max_input: RotorVector,
+    offset: RotorVector,
+    hover: RotorVector,
+    min_speed: RotorVector,
+    max_speed: RotorVector,
+    lower: RotorVector,
+    upper: RotorVector,
+    rotor_count: usize,
+    rank: usize,
+    rotor_time_constant: f64,
+    params: AllocatorParams,
+    levels: Levels,
+    /// Errors up to this, N or N m, are none.
+    tolerance: f64,
 }
 
-/// What the rotors are asked for.
+/// The allocation matrix by priority, scaled: `row . (u / input_scale) = w / wrench_scale`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Levels {
+    rows: [[f64; MAX_ROTORS]; ROWS],
+    /// Where each row stands in the wrench.
+    order: [usize; ROWS],
+    ends: [usize; 4],
+    wrench_scale: [f64; ROWS],
+    input_scale: f64,
+}
+
+/// Where the last search ended: where the next one starts.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct AllocatorState {
+    inputs: RotorVector,
+    side: [Side; MAX_ROTORS],
+    searched: bool,
+}
+
+/// What else is known when a wrench is allocated.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct RotorStatus {
+    /// Measured speeds, Hz; used with [`AllocatorParams::horizon`].
+    pub speeds: RotorVector,
+    /// Bit `i` is set where rotor `i` (from 0) is lost and stands still.
+    pub lost: u16,
+}
+
+/// What the rotors are asked for, and what they give up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocation {
     /// Rotor inputs, Hz^2.
     pub inputs: RotorVector,
     /// The body wrench they produce, `[force_r; torque_r]`.
     pub wrench: Vector6,
-    /// Whether a limit is active.
+    /// Whether a limit is active that changes the inputs.
     pub saturated: bool,
+    /// The most important part that is not met.
+    pub given_up: Option<Priority>,
+    /// Norm of each part's error, N or N m, in the order of [`Priority::ORDER`].
+    pub shortfall: [f64; 4],
+    /// Bit `i` is set where rotor `i` is at its lower limit.
+    pub at_lower: u16,
+    /// Bit `i` is set where rotor `i` is at its upper limit.
+    pub at_upper: u16,
+    /// Steps of the search; 0 where none was needed.
+    pub iterations: u32,
 }
+
+/// Rows of a part smaller than this part of the matrix' largest entry are none.
+const NO_EFFECT: f64 = 1e-12;
+/// Errors below this part of the vehicle's weight (or of its weight times a metre) are none.
+const SHORTFALL_TOLERANCE: f64 = 1e-7;
+/// Wanted components are cut here, so that their squares are finite numbers.
+const LARGEST_WANTED: f64 = 1e60;
 
 impl Allocator {
-    /// For one vehicle, with its rotors' own limits.
+    /// For one vehicle, with its rotors' own limits and the usual order.
     #[must_use]
     pub fn new(vehicle: &Vehicle) -> Self {
-        let (mut min, mut max) = (RotorVector::zeros(), RotorVector::zeros());
+        let params = AllocatorParams::default();
+        let (mut min_speed, mut max_speed) = (RotorVector::zeros(), RotorVector::zeros());
         for (i, rotor) in vehicle.rotors().iter().enumerate() {
-            min[i] = rotor.min_speed;
-            max[i] = rotor.max_speed;
+            min_speed[i] = rotor.min_speed;
+            max_speed[i] = rotor.max_speed;
         }
-        Self {
+        let mut allocator = Self {
             matrix: *vehicle.allocation(),
             inverse: *vehicle.allocation_inverse(),
-            min_input: inputs(&min),
-            max_input: inputs(&max),
+            offset: RotorVector::zeros(),
+            hover: RotorVector::zeros(),
+            min_speed,
+            max_speed,
+            lower: inputs(&min_speed),
+            upper: inputs(&max_speed),
+            rotor_count: vehicle.rotors().len(),
+            rank: vehicle.rank(),
+            rotor_time_constant: vehicle.rotor_time_constant(),
+            params,
+            tolerance: SHORTFALL_TOLERANCE * vehicle.mass() * GRAVITY,
+            levels: Levels::new(vehicle.allocation(), &params.order, &inputs(&max_speed)),
+        };
+        if vehicle.rank() < ROWS {
+            allocator.inverse = allocator.ordered_inverse();
+        }
+        let weight = Vector6::new(0.0, 0.0, vehicle.mass() * GRAVITY, 0.0, 0.0, 0.0);
+        allocator.hover = allocator.allocate(&weight).inputs;
+        // Where rotors are redundant, stay near hover in the directions that do nothing.
+        if allocator.rotor_count > vehicle.rank() {
+            allocator.offset = allocator.hover - allocator.inverse * (allocator.matrix * allocator.hover);
+        }
+        allocator
+    }
+
+    /// The same with other parameters.
+    ///
+    /// # Errors
+    /// An order that does not hold each part once, or a horizon out of range.
+    pub fn with_params(mut self, params: AllocatorParams) -> Result<Self, Error> {
+        check_range("horizon", params.horizon, 0.0, 10.0)?;
+        let found = Priority::ORDER.iter().filter(|p| params.order.contains(p)).count();
+        if found < 4 {
+            return Err(Error::Count {
+                name: "different parts of the wrench in order",
+                found,
+                min: 4,
+                max: 4,
+            });
+        }
+        self.params = params;
+        self.levels = Levels::new(&self.matrix, &params.order, &self.upper);
+        if self.rank < ROWS {
+            self.inverse = self.ordered_inverse();
+        }
+        Ok(self)
+    }
+
+    /// The parameters.
+    #[must_use]
+    pub fn params(&self) -> &AllocatorParams {
+        &self.params
+    }
+
+    /// The inputs, Hz^2, that the search stays near to: those of a level hover.
+    #[must_use]
+    pub fn hover_inputs(&self) -> &RotorVector {
+        &self.hover
+    }
+
+    /// Lowest and highest inputs, Hz^2, of the rotors as they are.
+    #[must_use]
+    pub fn limits(&self, status: &RotorStatus) -> (RotorVector, RotorVector) {
+        let (mut lower, mut upper) = (self.lower, self.upper);
+        if self.params.horizon > 0.0 && self.rotor_time_constant > 0.0 {
+            let held = exp(-self.params.horizon / self.rotor_time_constant);
+            let now = status.speeds.zip_map(&self.min_speed, f64::max).zip_map(&self.max_speed, f64::min);
+            lower = inputs(&(self.min_speed + (now - self.min_speed) * held));
+            upper = inputs(&(self.max_speed + (now - self.max_speed) * held));
+        }
+        if status.lost != 0 {
+            for i in 0..MAX_ROTORS {
+                if status.lost >> i & 1 == 1 {
+                    lower[i] = 0.0;
+                    upper[i] = 0.0;
+                }
+            }
+        }
+        (lower, upper)
+    }
+
+    /// Rotor inputs for a body wrench `[force_r; torque_r]`, all rotors sound and no horizon.
+    ///
+    /// Never fails: what is not a number counts as zero.
+    #[must_use]
+    pub fn allocate(&self, wrench: &Vector6) -> Allocation {
+        let wrench = wrench.map(wanted_component);
+        let inputs = self.inverse * wrench + self.offset;
+        if within(&inputs, &self.lower, &self.upper) {
+            return self.unlimited(&wrench, inputs);
+        }
+        self.search(&mut AllocatorState::default(), &wrench, (&self.lower, &self.upper))
+    }
+
+    /// The same, with the rotors' status, started where the last search ended.
+    #[must_use]
+    pub fn step(&self, state: &mut AllocatorState, wrench: &Vector6, status: &RotorStatus) -> Allocation {
+        let wrench = wrench.map(wanted_component);
+        let inputs = self.inverse * wrench + self.offset;
+        let (lower, upper) = self.limits(status);
+        if within(&inputs, &lower, &upper) {
+            state.searched = false;
+            return self.unlimited(&wrench, inputs);
+        }
+        self.search(state, &wrench, (&lower, &upper))
+    }
+
+    fn unlimited(&self, wrench: &Vector6, inputs: RotorVector) -> Allocation {
+        if self.rank < ROWS {
+            return self.report(wrench, inputs, None, 0);
+        }
+        Allocation {
+            inputs,
+            wrench: *wrench,
+            saturated: false,
+            given_up: None,
+            shortfall: [0.0; 4],
+            at_lower: 0,
+            at_upper: 0,
+            iterations: 0,
         }
     }
 
-    /// Rotor inputs for a body wrench `[force_r; torque_r]`: exact for six
-    /// rotors, of minimum norm above, clipped to the limits.
-    #[must_use]
-    pub fn allocate(&self, wrench: &Vector6) -> Allocation {
-        let wanted = self.inverse * wrench;
-        let clipped = wanted.sup(&self.min_input).inf(&self.max_input);
-        if clipped == wanted {
-            Allocation { inputs: wanted, wrench: *wrench, saturated: false }
-        } else {
-            Allocation { inputs: clipped, wrench: self.matrix * clipped, saturated: true }
+    fn search(
+        &self,
+        state: &mut AllocatorState,
+        wrench: &Vector6,
+        limits: (&RotorVector, &RotorVector),
+    ) -> Allocation {
+        if !state.searched {
+            // From inside the limits the search finds the active ones in fewest steps.
+            state.inputs = self.hover;
+            state.side = [Side::Free; MAX_ROTORS];
         }
+        let target = self.levels.target(wrench);
+        let solve = match self.rotor_count {
+            0..=6 => Self::solve::<6>,
+            7..=8 => Self::solve::<8>,
+            _ => Self::solve::<MAX_ROTORS>,
+        };
+        let iterations = solve(self, state, &target, limits);
+        state.searched = true;
+        self.report(wrench, state.inputs, Some(limits), iterations)
+    }
+
+    /// Searches among the first `N` rotors, from and to `state`.
+    fn solve<const N: usize>(
+        &self,
+        state: &mut AllocatorState,
+        target: &[f64; ROWS],
+        limits: (&RotorVector, &RotorVector),
+    ) -> u32 {
+        let scale = self.levels.input_scale;
+        let shrink = 1.0 / scale;
+        let head = |v: &RotorVector| -> [f64; N] { core::array::from_fn(|i| v[i] * shrink) };
+        let preferred = head(&self.hover);
+        let problem = Problem {
+            rows: &self.levels.rows.map(|row| core::array::from_fn(|i| row[i])),
+            level_ends: &self.levels.ends,
+            target,
+            lower: &head(limits.0),
+            upper: &head(limits.1),
+            // Without redundant rotors no two inputs produce the same wrench.
+            preferred: (self.rotor_count > self.rank).then_some(&preferred),
+        };
+        let solution =
+            hierarchy::solve(&problem, &head(&state.inputs), &core::array::from_fn(|i| state.side[i]));
+        for i in 0..N {
+            // At a limit it is the limit itself, not what scaling makes of it.
+            state.inputs[i] = (solution.x[i] * scale).max(limits.0[i]).min(limits.1[i]);
+            state.side[i] = solution.side[i];
+        }
+        solution.iterations
+    }
+
+    /// The linear map from wrenches to inputs that a search without limits is.
+    fn ordered_inverse(&self) -> AllocationInverse {
+        let mut inverse = AllocationInverse::zeros();
+        let (mut lower, mut upper) = (RotorVector::zeros(), RotorVector::zeros());
+        lower.rows_mut(0, self.rotor_count).fill(f64::NEG_INFINITY);
+        upper.rows_mut(0, self.rotor_count).fill(f64::INFINITY);
+        for (r, mut column) in inverse.column_iter_mut().enumerate() {
+            let mut unit = Vector6::zeros();
+            unit[r] = 1.0;
+            let mut state = AllocatorState::default();
+            self.solve::<MAX_ROTORS>(&mut state, &self.levels.target(&unit), (&lower, &upper));
+            column.copy_from(&state.inputs);
+        }
+        inverse
+    }
+
+    fn report(
+        &self,
+        wanted: &Vector6,
+        inputs: RotorVector,
+        limits: Option<(&RotorVector, &RotorVector)>,
+        iterations: u32,
+    ) -> Allocation {
+        let wrench = self.matrix * inputs;
+        let error = wanted - wrench;
+        let shortfall = Priority::ORDER.map(|p| sqrt(p.rows().iter().map(|r| error[*r] * error[*r]).sum()));
+        let given_up = self.params.order.into_iter().find(|p| shortfall[*p as usize] > self.tolerance);
+        let (mut at_lower, mut at_upper) = (0, 0);
+        if let Some((lower, upper)) = limits {
+            for i in 0..self.rotor_count {
+                at_lower |= u16::from(inputs[i] <= lower[i]) << i;
+                at_upper |= u16::from(inputs[i] >= upper[i]) << i;
+            }
+        }
+        let saturated = limits.is_some();
+        Allocation { inputs, wrench, saturated, given_up, shortfall, at_lower, at_upper, iterations }
     }
 }
+
+impl Levels {
+    fn new(matrix: &Matrix, order: &[Priority; 4], largest_input: &RotorVector) -> Self {
+        let input_scale = largest_input.amax();
+        let largest = matrix.amax();
+        let mut levels = Self {
+            rows: [[0.0; MAX_ROTORS]; ROWS],
+            order: [0; ROWS],
+            ends: [0; 4],
+            wrench_scale: [1.0; ROWS],
+            input_scale,
+        };
+        let mut next = 0;
+        for (level, priority) in order.iter().enumerate() {
+            let norm = priority.rows().iter().map(|r| matrix.row(*r).norm()).fold(0.0, f64::max);
+            for r in priority.rows() {
+                levels.order[next] = *r;
+                // A level that no rotor moves stays zero.
+                if norm > NO_EFFECT * largest {
+                    levels.wrench_scale[next] = norm * input_scale;
+                    levels.rows[next] = core::array::from_fn(|i| matrix[(*r, i)] / norm);
+                }
+                next += 1;
+            }
+            levels.ends[level] = next;
+        }
+        levels
+    }
+
+    /// The wrench in the order and scale of the rows.
+    fn target(&self, wrench: &Vector6) -> [f64; ROWS] {
+        core::array::from_fn(|i| wrench[self.order[i]] / self.wrench_scale[i])
+    }
+}
+
+/// A number of a size whose square is one too; zero for what is none.
+fn wanted_component(x: f64) -> f64 {
+    if x.is_nan() { 0.0 } else { x.clamp(-LARGEST_WANTED, LARGEST_WANTED) }
+}
+
+fn within(inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {
+    inputs.iter().zip(lower.iter().zip(upper.iter())).all(|(u, (l, h))| l <= u && u <= h)
+}
+
+#[cfg(test)]
+mod tests;

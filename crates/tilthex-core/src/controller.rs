@@ -4,7 +4,7 @@
 use crate::{
     Error, GRAVITY, Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, centre_of_mass_reference},
-    allocation::{Allocation, Allocator},
+    allocation::{Allocation, Allocator, AllocatorParams, AllocatorState, RotorStatus},
     bias::BiasEstimator,
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone},
@@ -29,6 +29,8 @@ pub struct ControllerParams {
     pub torque_dead_zone: f64,
     /// Cut-off of the low-pass before the dead zone, Hz; 0 for none.
     pub low_pass_hz: f64,
+    /// What is given up first where the rotors' limits do not let all be had.
+    pub allocation: AllocatorParams,
 }
 
 /// The controller of one vehicle.
@@ -56,6 +58,8 @@ pub struct ControllerState {
     pub bias_r: Wrench,
     /// Its estimator, running while [`ControllerInput::learn_bias`] is set.
     pub bias_estimator: BiasEstimator,
+    /// The allocator's.
+    pub allocator: AllocatorState,
 }
 
 /// What is known at the start of a tick.
@@ -76,6 +80,8 @@ pub struct ControllerInput {
     /// Whether this is a contact-free hover to learn the bias from; the mean
     /// is taken over when it ends.
     pub learn_bias: bool,
+    /// Bit `i` is set where rotor `i` (from 0) is lost: it counts as standing still.
+    pub lost_rotors: u16,
 }
 
 /// The command, and all that led to it.
@@ -120,7 +126,7 @@ impl Controller {
             low_pass: LowPass::new(params.low_pass_hz)?,
             admittance: AdmittanceFilter::new(params.admittance)?,
             pose: PoseController::new(params.pose)?,
-            allocator: Allocator::new(&vehicle),
+            allocator: Allocator::new(&vehicle).with_params(params.allocation)?,
             vehicle,
             params,
         })
@@ -176,7 +182,8 @@ impl Controller {
         let robot_reference = centre_of_mass_reference(&yielded.reference, tool);
         let pose = self.pose.step(robot, &robot_reference);
         let wanted_wrench_r = self.wanted_wrench(robot, &pose, &observed);
-        let allocation = self.allocator.allocate(&wanted_wrench_r);
+        let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
+        let allocation = self.allocator.step(&mut state.allocator, &wanted_wrench_r, &rotors);
         ControllerOutput {
             rotor_speeds: speeds(&allocation.inputs),
             wrench_robot: observed,

@@ -65,10 +65,12 @@ pub enum Error {
         /// What is expected.
         expected: &'static str,
     },
-    /// The allocation matrix does not reach all six directions of the wrench.
-    NotFullyActuated {
-        /// Its rank.
+    /// The rotors can not turn the vehicle about every axis and carry it as well.
+    NotControllable {
+        /// Rank of the allocation matrix.
         rank: usize,
+        /// Rank of its torque rows.
+        torque_rank: usize,
         /// Ratio of its largest to its smallest singular value.
         condition: f64,
         /// A rotor (from 1) whose column the others already span.
@@ -102,10 +104,11 @@ impl fmt::Display for Error {
             Self::Rotor { rotor, name, found, expected } => {
                 write!(f, "rotor {rotor} has {name} = {found}; expected {expected}")
             }
-            Self::NotFullyActuated { rank, condition, rotor } => write!(
+            Self::NotControllable { rank, torque_rank, condition, rotor } => write!(
                 f,
-                "the allocation matrix has rank {rank} of 6 (condition number {condition:.3e}); \
-                 rotor {rotor} adds no new direction: tilt it, or use a vehicle that is not fully actuated"
+                "the allocation matrix has rank {rank} (condition number {condition:.3e}) and its torques rank \
+                 {torque_rank}; expected at least 4 with all 3 torques: rotor {rotor} adds no new direction, \
+                 move, tilt or reverse it"
             ),
         }
     }

@@ -90,6 +90,18 @@ impl TiltedHexarotor {
     }
 }
 
+/// What a vehicle can track independently: torques are always three, so the
+/// rank of the allocation matrix says in how many directions it has force.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Actuation {
+    /// Rank 6: position and orientation.
+    Pose,
+    /// Rank 5: position, heading, and the tilt about one axis.
+    PositionAndPartOfAttitude,
+    /// Rank 4: position and heading; the tilt follows from the force that is needed.
+    PositionAndHeading,
+}
+
 /// A validated vehicle. Fields are read, never written: build a new one instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vehicle {
@@ -117,8 +129,8 @@ impl Vehicle {
     /// `rotor_time_constant` is that of the speed's first-order lag, s.
     ///
     /// # Errors
-    /// Names the parameter or the rotor that can not be; a vehicle whose
-    /// allocation matrix has not rank 6 is refused with its rank and condition.
+    /// Names the parameter or the rotor that can not be. A vehicle needs all
+    /// three torques and a force besides; what it tracks is its [`Actuation`].
     pub fn new(
         mass: f64,
         inertia: Matrix3,
@@ -143,9 +155,12 @@ impl Vehicle {
             allocation.set_column(i, &column(rotor));
         }
         let (rank, condition, allocation_inverse) = pseudo_inverse(&allocation);
-        if rank < 6 {
+        let mut torques = allocation;
+        torques.rows_mut(0, 3).fill(0.0);
+        let (torque_rank, ..) = pseudo_inverse(&torques);
+        if rank < 4 || torque_rank < 3 {
             let rotor = redundant_rotor(&allocation, rotors.len(), rank);
-            return Err(Error::NotFullyActuated { rank, condition, rotor });
+            return Err(Error::NotControllable { rank, torque_rank, condition, rotor });
         }
         Ok(Self {
             mass,
@@ -237,6 +252,16 @@ impl Vehicle {
     #[must_use]
     pub fn rank(&self) -> usize {
         self.rank
+    }
+
+    /// What the vehicle can track.
+    #[must_use]
+    pub fn actuation(&self) -> Actuation {
+        match self.rank {
+            0..=4 => Actuation::PositionAndHeading,
+            5 => Actuation::PositionAndPartOfAttitude,
+            _ => Actuation::Pose,
+        }
     }
 
     /// Condition number of `A`: largest by smallest non-zero singular value.
@@ -384,16 +409,28 @@ pub(crate) mod tests {
         }
     }
 
-    #[test]
-    fn collinear_rotors_are_refused_with_rank_and_rotor() {
+    fn with_axes(axis: impl Fn(usize) -> Vector3, drag: f64) -> Result<Vehicle, Error> {
         let mut rotors = tilt_hex().rotors().to_vec();
-        for r in &mut rotors {
-            r.axis_r = Vector3::z();
+        for (i, r) in rotors.iter_mut().enumerate() {
+            r.axis_r = axis(i);
+            r.drag_coefficient = drag;
         }
-        let result =
-            Vehicle::new(2.4, Matrix3::identity(), &rotors, 0.03, Mounting::default(), Mounting::default());
-        match result {
-            Err(Error::NotFullyActuated { rank: 4, rotor: 1..=6, .. }) => {}
+        Vehicle::new(2.4, Matrix3::identity(), &rotors, 0.03, Mounting::default(), Mounting::default())
+    }
+
+    #[test]
+    fn a_vehicle_says_what_it_tracks() {
+        assert_eq!(tilt_hex().actuation(), Actuation::Pose);
+        let collinear = with_axes(|_| Vector3::z(), 2.4e-5).unwrap();
+        assert_eq!((collinear.rank(), collinear.actuation()), (4, Actuation::PositionAndHeading));
+        let tilt = |i: usize| so3::rot_x(if i % 2 == 0 { 0.3 } else { -0.3 }) * Vector3::z();
+        assert_eq!(with_axes(tilt, 2.4e-5).unwrap().actuation(), Actuation::PositionAndPartOfAttitude);
+    }
+
+    #[test]
+    fn rotors_without_a_yaw_torque_are_refused_with_rank_and_rotor() {
+        match with_axes(|_| Vector3::z(), 0.0) {
+            Err(Error::NotControllable { rank: 3, torque_rank: 2, rotor: 1..=6, .. }) => {}
             other => panic!("{other:?}"),
         }
     }

@@ -7,6 +7,7 @@ use proptest::prelude::*;
 use tilthex_core::{
     Matrix3, Matrix6, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     admittance::AdmittanceParams,
+    allocation::AllocatorParams,
     controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
     plant::{Plant, PlantState, SensorParams, Sensors},
     pose_control::PoseGains,
@@ -37,6 +38,7 @@ fn params() -> ControllerParams {
         force_dead_zone: 0.2,
         torque_dead_zone: 0.2,
         low_pass_hz: 10.0,
+        allocation: AllocatorParams::default(),
     }
 }
 
@@ -77,6 +79,7 @@ impl Loop {
             setpoint: *setpoint,
             compliant: true,
             learn_bias: false,
+            lost_rotors: 0,
         };
         let out = self.controller.step(&mut self.memory, &input, PERIOD);
         for _ in 0..2 {
