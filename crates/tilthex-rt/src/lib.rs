@@ -7,10 +7,13 @@
 pub mod failure;
 pub mod histogram;
 pub mod log;
+pub mod phase_lock;
 pub mod port;
 pub mod realtime;
+pub mod recorder;
 pub mod sim;
 pub mod sleeper;
+pub mod summary;
 mod sys;
 
 pub use failure::{Failure, Kind};

@@ -1,7 +1,12 @@
-//! The flight log: MCAP files that common viewers read, written by a thread
-//! of its own.
+//! The flight log: MCAP files of protobuf messages that common viewers read.
 
+mod black_box;
+pub(crate) mod convert;
+mod flight_log;
 pub mod messages;
 mod writer;
 
+pub use black_box::BlackBox;
+pub use convert::TickMessages;
+pub use flight_log::{Attachments, Epoch, FlightLog, Tick, Timing, fault_names};
 pub use writer::{LogWriter, Stamp, Topic};

@@ -1,0 +1,95 @@
+//! The flight recorder: the last seconds in memory, written to a file of its own after a fault.
+
+use std::{fs::File, io::BufWriter, path::Path};
+
+use mcap::{McapError, MessageStream, WriteOptions};
+
+use super::flight_log::{Attachments, Epoch, FlightLog, Tick};
+use crate::sim::Truth;
+
+/// What is kept at least, s.
+pub(super) const KEPT: f64 = 10.0;
+/// The memory is a chain of logs this long, s; the oldest is dropped whole.
+const SEGMENT: f64 = 2.5;
+const FINISHED: usize = (KEPT / SEGMENT) as usize;
+
+/// The last seconds of a flight.
+pub struct BlackBox {
+    finished: std::collections::VecDeque<Vec<u8>>,
+    current: Option<(f64, FlightLog<Vec<u8>>)>,
+    epoch: Epoch,
+    rotor_count: usize,
+    attachments: Attachments,
+}
+
+impl BlackBox {
+    /// An empty memory.
+    #[must_use]
+    pub fn new(epoch: Epoch, rotor_count: usize, attachments: Attachments) -> Self {
+        Self { finished: Default::default(), current: None, epoch, rotor_count, attachments }
+    }
+
+    fn log(&mut self, time: f64) -> Result<&mut FlightLog<Vec<u8>>, McapError> {
+        if self.current.as_ref().is_some_and(|(begun, _)| time - begun >= SEGMENT) {
+            self.close()?;
+        }
+        if self.current.is_none() {
+            let log = FlightLog::new(Vec::new(), self.epoch, self.rotor_count, &self.attachments)?;
+            self.current = Some((time, log));
+        }
+        match &mut self.current {
+            Some((_, log)) => Ok(log),
+            None => unreachable!("it was begun above"),
+        }
+    }
+
+    fn close(&mut self) -> Result<(), McapError> {
+        if let Some((_, log)) = self.current.take() {
+            if self.finished.len() == FINISHED {
+                self.finished.pop_front();
+            }
+            self.finished.push_back(log.finish()?);
+        }
+        Ok(())
+    }
+
+    /// Remembers a tick.
+    ///
+    /// # Errors
+    /// None in practice: memory takes it.
+    pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
+        self.log(tick.record.raw.time)?.tick(tick)
+    }
+
+    /// Remembers what is true of the simulated vehicle.
+    ///
+    /// # Errors
+    /// None in practice: memory takes it.
+    pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
+        self.log(time)?.truth(time, truth)
+    }
+
+    /// Writes all that is remembered to a file.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn dump(&mut self, path: &Path) -> Result<(), McapError> {
+        self.close()?;
+        let mut out = WriteOptions::new().create(BufWriter::new(File::create(path)?))?;
+        let config = self.attachments.config.as_bytes();
+        out.attach(&mcap::Attachment {
+            log_time: 0,
+            create_time: 0,
+            name: "config.toml".into(),
+            media_type: "application/toml".into(),
+            data: config.into(),
+        })?;
+        for segment in &self.finished {
+            for message in MessageStream::new(segment)? {
+                out.write(&message?)?;
+            }
+        }
+        out.finish()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,253 @@
+//! The channels of a flight and what goes into each.
+
+use std::io::Write;
+
+use mcap::McapError;
+use tilthex_core::{
+    flight::Record,
+    supervisor::{FaultSet, Phase, TABLE},
+};
+
+use super::{
+    convert::{self, TickMessages},
+    messages::{self as m, foxglove},
+    writer::{LogWriter, Stamp, Topic},
+};
+use crate::sim::Truth;
+
+/// Frames for 3D viewers are logged every so many ticks.
+const TRANSFORM_EVERY: u64 = 5;
+
+/// How punctual a tick was, ns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timing {
+    /// Begin after the deadline.
+    pub wake_latency: u64,
+    /// Begin to the end of the write.
+    pub compute: u64,
+    /// Since the last begin.
+    pub period: u64,
+    /// Whole periods skipped before this tick.
+    pub skipped: u64,
+    /// The IMU's bytes found to the command written; 0 where none came.
+    pub imu_to_command: u64,
+    /// Looks at the port before the IMU's bytes were there.
+    pub polls: u32,
+    /// Writes that the line did not take whole, total.
+    pub short_writes: u64,
+}
+
+/// What the loop hands to the recorder.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Tick {
+    /// What the core took in and did.
+    pub record: Record,
+    /// How punctual it was.
+    pub timing: Timing,
+}
+
+/// From the monotonic clock to time since 1970.
+#[derive(Clone, Copy, Debug)]
+pub struct Epoch {
+    offset: i64,
+}
+
+impl Epoch {
+    /// From the two clocks now.
+    #[must_use]
+    pub fn now() -> Self {
+        use crate::sleeper::{Clock, Monotonic};
+        let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+        Self { offset: unix.as_nanos() as i64 - Monotonic.now() as i64 }
+    }
+
+    /// Nanoseconds since 1970 of a monotonic time in seconds.
+    #[must_use]
+    pub fn unix_ns(self, time: f64) -> u64 {
+        (self.offset + (time * 1e9) as i64).max(0) as u64
+    }
+}
+
+/// What a log is attached.
+#[derive(Clone, Debug, Default)]
+pub struct Attachments {
+    /// The complete effective configuration, TOML.
+    pub config: String,
+}
+
+/// A log with all channels of a flight.
+pub struct FlightLog<W: Write> {
+    log: LogWriter<W>,
+    topics: Topics,
+    epoch: Epoch,
+    rotor_count: usize,
+    last_phase: Phase,
+    last_faults: FaultSet,
+}
+
+#[derive(Clone, Copy)]
+struct Topics {
+    state: Topic,
+    setpoint: Topic,
+    reference: Topic,
+    wrench: Topic,
+    control: Topic,
+    rotors: Topic,
+    flight: Topic,
+    link: Topic,
+    timing: Topic,
+    input: Topic,
+    output: Topic,
+    command: Topic,
+    truth: Topic,
+    lines: Topic,
+    transforms: Topic,
+}
+
+impl<W: Write> FlightLog<W> {
+    /// Begins a log: channels, schemas, attachments.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn new(
+        file: W,
+        epoch: Epoch,
+        rotor_count: usize,
+        attachments: &Attachments,
+    ) -> Result<Self, McapError> {
+        let mut log = LogWriter::new(file)?;
+        let topics = Topics {
+            state: log.topic::<m::State>("/state")?,
+            setpoint: log.topic::<m::Target>("/setpoint")?,
+            reference: log.topic::<m::Target>("/reference")?,
+            wrench: log.topic::<m::Wrenches>("/wrench")?,
+            control: log.topic::<m::Control>("/control")?,
+            rotors: log.topic::<m::Rotors>("/rotors")?,
+            flight: log.topic::<m::Flight>("/flight")?,
+            link: log.topic::<m::Link>("/link")?,
+            timing: log.topic::<m::Timing>("/timing")?,
+            input: log.topic::<m::Input>("/input")?,
+            output: log.topic::<m::Output>("/output")?,
+            command: log.topic::<m::Command>("/command")?,
+            truth: log.topic::<m::Truth>("/truth")?,
+            lines: log.topic::<foxglove::Log>("/log")?,
+            transforms: log.topic::<foxglove::FrameTransform>("/tf")?,
+        };
+        log.attach("config.toml", "application/toml", attachments.config.as_bytes(), epoch.unix_ns(0.0))?;
+        log.flush()?;
+        let (last_phase, last_faults) = (Phase::Disarmed, FaultSet::NONE);
+        Ok(Self { log, topics, epoch, rotor_count, last_phase, last_faults })
+    }
+
+    /// Logs a tick.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
+        let (t, record, timing) = (self.topics, &tick.record, &tick.timing);
+        let publish = self.epoch.unix_ns(record.raw.time);
+        let stamp = Stamp { publish, log: publish + timing.compute };
+        let messages = TickMessages::new(record, self.rotor_count);
+        let log = &mut self.log;
+        log.put(t.state, stamp, &messages.state)?;
+        log.put(t.setpoint, stamp, &messages.setpoint)?;
+        log.put(t.reference, stamp, &messages.reference)?;
+        log.put(t.wrench, stamp, &messages.wrench)?;
+        log.put(t.control, stamp, &messages.control)?;
+        log.put(t.rotors, stamp, &messages.rotors)?;
+        log.put(t.flight, stamp, &messages.flight)?;
+        log.put(t.link, stamp, &messages.link)?;
+        log.put(t.input, stamp, &messages.input)?;
+        log.put(t.output, stamp, &messages.output)?;
+        let timing = m::Timing {
+            wake_latency: timing.wake_latency,
+            compute: timing.compute,
+            period: timing.period,
+            skipped: timing.skipped,
+            imu_to_command: timing.imu_to_command,
+            polls: timing.polls,
+            short_writes: timing.short_writes,
+        };
+        log.put(t.timing, stamp, &timing)?;
+        if record.tick.is_multiple_of(TRANSFORM_EVERY) {
+            let reference = &record.reference;
+            log.put(t.transforms, stamp, &convert::robot_transform(publish, &record.state))?;
+            let reference =
+                convert::transform(publish, "tool_reference", &reference.position_w, &reference.rotation_we);
+            log.put(t.transforms, stamp, &reference)?;
+        }
+        self.changes(record, stamp)
+    }
+
+    /// A line for each text from the vehicle, new phase and new fault.
+    fn changes(&mut self, record: &Record, stamp: Stamp) -> Result<(), McapError> {
+        if let Some((severity, text)) = record.text {
+            self.line_at(stamp, convert::level(severity), "vehicle", text.to_string())?;
+        }
+        let level = foxglove::log::Level::Warning;
+        for row in FaultSet(record.faults.0 & !self.last_faults.0).rows() {
+            self.line_at(stamp, level, "fault", format!("{}: {}", row.name, row.detection))?;
+        }
+        for row in FaultSet(self.last_faults.0 & !record.faults.0).rows() {
+            self.line_at(stamp, level, "fault", format!("{} is over", row.name))?;
+        }
+        if record.phase != self.last_phase {
+            let text = format!("{} -> {}", self.last_phase.name(), record.phase.name());
+            self.line_at(stamp, foxglove::log::Level::Info, "phase", text)?;
+        }
+        (self.last_phase, self.last_faults) = (record.phase, record.faults);
+        Ok(())
+    }
+
+    fn line_at(
+        &mut self,
+        stamp: Stamp,
+        level: foxglove::log::Level,
+        name: &str,
+        text: String,
+    ) -> Result<(), McapError> {
+        self.log.put(self.topics.lines, stamp, &convert::line(stamp.publish, level, name, text))
+    }
+
+    /// Logs an order, as it was given at a monotonic time in seconds.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn command(&mut self, time: f64, json: &str) -> Result<(), McapError> {
+        let at = self.epoch.unix_ns(time);
+        self.log.put(self.topics.command, Stamp { publish: at, log: at }, &m::Command { json: json.into() })
+    }
+
+    /// Logs what is true of the simulated vehicle at a monotonic time in seconds.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
+        let at = self.epoch.unix_ns(time);
+        let message = convert::truth(truth, self.rotor_count);
+        self.log.put(self.topics.truth, Stamp { publish: at, log: at }, &message)
+    }
+
+    /// Writes what is held back.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn flush(&mut self) -> Result<(), McapError> {
+        self.log.flush()
+    }
+
+    /// Ends the log with its index.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn finish(self) -> Result<W, McapError> {
+        self.log.finish()
+    }
+}
+
+/// The names of faults, comma separated.
+#[must_use]
+pub fn fault_names(faults: FaultSet) -> String {
+    let names: Vec<_> = TABLE.iter().filter(|row| faults.contains(row.fault)).map(|row| row.name).collect();
+    names.join(", ")
+}

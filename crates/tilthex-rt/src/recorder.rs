@@ -1,0 +1,299 @@
+//! From the loop to the file: a wait-free ring, and a thread that encodes.
+
+use std::{
+    fs::File,
+    path::PathBuf,
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+        mpsc,
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
+
+use mcap::McapError;
+use rtrb::{Consumer, Producer, RingBuffer};
+
+use crate::{
+    Failure,
+    log::{Attachments, BlackBox, Epoch, FlightLog, Tick},
+    sim::Truth,
+    summary::Statistics,
+};
+
+/// Ticks the ring holds: what a slow disk may cost before the first is lost.
+const RING: usize = 1024;
+/// Truths the ring holds.
+const TRUTH_RING: usize = 2048;
+/// The recorder looks so often.
+const LOOK: Duration = Duration::from_millis(10);
+/// The file is complete up to so long ago, s.
+const FLUSH: f64 = 0.5;
+
+/// The loop's end of the ring.
+#[derive(Debug)]
+pub struct Feed {
+    ring: Producer<Tick>,
+    shared: Arc<Shared>,
+}
+
+impl Feed {
+    /// Hands a tick over, or counts it as dropped where the ring is full.
+    /// Wait-free; safe in the loop.
+    pub fn push(&mut self, tick: &Tick) {
+        match self.ring.write_chunk_uninit(1) {
+            Ok(chunk) => {
+                chunk.fill_from_iter(std::iter::once(*tick));
+            }
+            Err(_) => {
+                self.shared.dropped.fetch_add(1, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// Whether the log can no longer be written. Safe in the loop.
+    #[must_use]
+    pub fn log_lost(&self) -> bool {
+        self.shared.lost.load(Ordering::Relaxed)
+    }
+}
+
+/// The simulation's end of its ring.
+pub type TruthFeed = Producer<(f64, Truth)>;
+
+/// What the recorder is told by threads other than the loop.
+#[derive(Clone, Debug)]
+enum Note {
+    /// An order, at a monotonic time (s).
+    Command(f64, String),
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    dropped: AtomicU64,
+    lost: AtomicBool,
+    stop: AtomicBool,
+    latest: Mutex<Latest>,
+}
+
+/// The newest that the recorder has seen.
+#[derive(Clone, Debug, Default)]
+pub struct Latest {
+    /// The newest tick.
+    pub tick: Option<Tick>,
+    /// The newest truth of the simulated vehicle.
+    pub truth: Option<Truth>,
+    /// Figures over the flight.
+    pub statistics: Statistics,
+    /// Ticks that did not fit into the ring.
+    pub dropped: u64,
+    /// Why the log can no longer be written.
+    pub error: Option<String>,
+}
+
+/// A handle on the recorder for threads other than the loop.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    shared: Arc<Shared>,
+    notes: mpsc::Sender<Note>,
+}
+
+impl Observer {
+    /// The newest that the recorder has seen.
+    #[must_use]
+    pub fn latest(&self) -> Latest {
+        let mut latest = lock(&self.shared.latest).clone();
+        latest.dropped = self.shared.dropped.load(Ordering::Relaxed);
+        latest
+    }
+
+    /// Logs an order that was handed to the loop at a monotonic time (s).
+    pub fn command(&self, time: f64, json: String) {
+        // Without a recorder there is no log to write it to.
+        let _ = self.notes.send(Note::Command(time, json));
+    }
+}
+
+fn lock(latest: &Mutex<Latest>) -> MutexGuard<'_, Latest> {
+    latest.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// What is recorded, and where.
+#[derive(Clone, Debug)]
+pub struct RecorderParams {
+    /// The log, if one is wanted.
+    pub log: Option<PathBuf>,
+    /// Where the last seconds go after a fault.
+    pub black_box: PathBuf,
+    /// What the log is attached.
+    pub attachments: Attachments,
+    /// Number of rotors of the vehicle.
+    pub rotor_count: usize,
+}
+
+/// The running recorder.
+#[derive(Debug)]
+pub struct Recorder {
+    shared: Arc<Shared>,
+    notes: mpsc::Sender<Note>,
+    thread: JoinHandle<Option<PathBuf>>,
+}
+
+/// What the recorder leaves.
+#[derive(Clone, Debug, Default)]
+pub struct Recorded {
+    /// The last of [`Observer::latest`].
+    pub latest: Latest,
+    /// The flight recorder's file, where a fault made it write one.
+    pub black_box: Option<PathBuf>,
+}
+
+impl Recorder {
+    /// Opens the log and starts the thread.
+    ///
+    /// # Errors
+    /// One sentence, where the log can not be created.
+    pub fn start(params: RecorderParams) -> Result<(Self, Feed, TruthFeed), Failure> {
+        let epoch = Epoch::now();
+        let log = match &params.log {
+            None => None,
+            Some(path) => {
+                let refuse = |e: &dyn std::fmt::Display| {
+                    Failure::usage(format!(
+                        "the log {} can not be written: {e}; name a file in a writable place with --log",
+                        path.display()
+                    ))
+                };
+                let file = File::create(path).map_err(|e| refuse(&e))?;
+                Some(
+                    FlightLog::new(file, epoch, params.rotor_count, &params.attachments)
+                        .map_err(|e| refuse(&root(&e)))?,
+                )
+            }
+        };
+        let (ring, ticks) = RingBuffer::new(RING);
+        let (truth_feed, truths) = RingBuffer::new(TRUTH_RING);
+        let (sender, notes) = mpsc::channel();
+        let shared = Arc::new(Shared::default());
+        let worker = Worker {
+            black_box: BlackBox::new(epoch, params.rotor_count, params.attachments.clone()),
+            params,
+            log,
+            ticks,
+            truths,
+            notes,
+            shared: Arc::clone(&shared),
+            flushed: 0.0,
+        };
+        let thread = std::thread::Builder::new()
+            .name("recorder".into())
+            .stack_size(512 * 1024)
+            .spawn(move || worker.run())
+            .map_err(|e| Failure::usage(format!("the recorder's thread can not be started: {e}")))?;
+        let feed = Feed { ring, shared: Arc::clone(&shared) };
+        Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
+    }
+
+    /// A handle for threads other than the loop.
+    #[must_use]
+    pub fn observer(&self) -> Observer {
+        Observer { shared: Arc::clone(&self.shared), notes: self.notes.clone() }
+    }
+
+    /// Writes what is left, ends the log and the thread.
+    #[must_use]
+    pub fn finish(self) -> Recorded {
+        let observer = self.observer();
+        self.shared.stop.store(true, Ordering::Release);
+        let black_box = self.thread.join().ok().flatten();
+        Recorded { latest: observer.latest(), black_box }
+    }
+}
+
+struct Worker {
+    params: RecorderParams,
+    log: Option<FlightLog<File>>,
+    black_box: BlackBox,
+    ticks: Consumer<Tick>,
+    truths: Consumer<(f64, Truth)>,
+    notes: mpsc::Receiver<Note>,
+    shared: Arc<Shared>,
+    flushed: f64,
+}
+
+impl Worker {
+    fn run(mut self) -> Option<PathBuf> {
+        loop {
+            // Read before the rings: what was pushed before it was set is seen below.
+            let last = self.shared.stop.load(Ordering::Acquire);
+            self.drain();
+            if last {
+                break;
+            }
+            std::thread::sleep(LOOK);
+        }
+        if let Some(log) = self.log.take()
+            && let Err(e) = log.finish()
+        {
+            self.lose(&e);
+        }
+        if !lock(&self.shared.latest).statistics.ended_by_fault() {
+            return None;
+        }
+        match self.black_box.dump(&self.params.black_box) {
+            Ok(()) => Some(self.params.black_box),
+            Err(e) => {
+                self.lose(&e);
+                None
+            }
+        }
+    }
+
+    fn drain(&mut self) {
+        while let Ok(note) = self.notes.try_recv() {
+            let Note::Command(time, json) = note;
+            self.write(|log| log.command(time, &json));
+        }
+        while let Ok((time, truth)) = self.truths.pop() {
+            self.write(|log| log.truth(time, &truth));
+            // Memory takes everything.
+            let _ = self.black_box.truth(time, &truth);
+            let mut latest = lock(&self.shared.latest);
+            latest.statistics.truth(&truth);
+            latest.truth = Some(truth);
+        }
+        while let Ok(tick) = self.ticks.pop() {
+            self.write(|log| log.tick(&tick));
+            let _ = self.black_box.tick(&tick);
+            let time = tick.record.raw.time;
+            if time - self.flushed >= FLUSH {
+                self.flushed = time;
+                self.write(FlightLog::flush);
+            }
+            let mut latest = lock(&self.shared.latest);
+            latest.statistics.tick(&tick);
+            latest.tick = Some(tick);
+        }
+    }
+
+    fn write(&mut self, put: impl FnOnce(&mut FlightLog<File>) -> Result<(), McapError>) {
+        if let Some(log) = &mut self.log
+            && let Err(e) = put(log)
+        {
+            self.lose(&e);
+        }
+    }
+
+    /// The flight goes on without a log; the loop is told, and people at the end.
+    fn lose(&mut self, e: &McapError) {
+        self.log = None;
+        self.shared.lost.store(true, Ordering::Relaxed);
+        lock(&self.shared.latest).error.get_or_insert_with(|| root(e).to_string());
+    }
+}
+
+/// What lies at the bottom of an error: the reason, not the call that met it.
+fn root<'a>(error: &'a (dyn std::error::Error + 'static)) -> &'a (dyn std::error::Error + 'static) {
+    std::iter::successors(Some(error), |e| e.source()).last().unwrap_or(error)
+}

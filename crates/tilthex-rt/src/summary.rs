@@ -1,0 +1,163 @@
+//! Figures over a flight, gathered by the recorder in constant memory.
+
+use tilthex_core::{
+    Vector3,
+    supervisor::{FaultSet, Phase},
+};
+
+use crate::{
+    histogram::{Histogram, Quantiles},
+    log::Tick,
+    sim::Truth,
+};
+
+/// A steady push is judged by the mean over its last second.
+const SETTLED: f64 = 1.0;
+/// A push is steady when it has lasted so long, s.
+const STEADY: f64 = 5.0;
+
+/// Mean square and peak of a deviation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deviation {
+    sum: f64,
+    count: u64,
+    /// Largest.
+    pub max: f64,
+}
+
+impl Deviation {
+    fn add(&mut self, value: f64) {
+        self.sum += value * value;
+        self.count += 1;
+        self.max = self.max.max(value);
+    }
+
+    /// Root mean square; zero where nothing was seen.
+    #[must_use]
+    pub fn rms(&self) -> f64 {
+        if self.count == 0 { 0.0 } else { (self.sum / self.count as f64).sqrt() }
+    }
+}
+
+/// How far a steady push has moved the tool.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Deflection {
+    /// The true push, N, world.
+    pub force_w: Vector3,
+    /// True tool position less the set-point, m, mean over the last second of the push.
+    pub tool_w: Vector3,
+}
+
+/// The push that lasts now.
+#[derive(Clone, Copy, Debug)]
+struct Steady {
+    force_w: Vector3,
+    since: f64,
+    /// Mean deflection over the last [`SETTLED`] seconds, as an exponential window.
+    mean_w: Vector3,
+    updated: f64,
+}
+
+/// Figures over a flight.
+#[derive(Clone, Debug, Default)]
+pub struct Statistics {
+    /// Ticks.
+    pub ticks: u64,
+    /// Whole periods that were skipped.
+    pub skipped: u64,
+    /// Ticks that found an inertial sample.
+    pub with_imu: u64,
+    /// Begin after the deadline.
+    pub wake: Histogram,
+    /// Begin to the end of the write.
+    pub compute: Histogram,
+    /// Between two begins.
+    pub period: Histogram,
+    /// The IMU's bytes found to the command written.
+    pub imu_to_command: Histogram,
+    /// Position error of the robot while flying, m.
+    pub tracking: Deviation,
+    /// Estimated less true tool force while contact is felt, N.
+    pub force: Deviation,
+    /// The last steady push.
+    pub deflection: Option<Deflection>,
+    /// Faults there have been in flight.
+    pub faults: FaultSet,
+    /// The loop was in flight.
+    pub flew: bool,
+    truth: Option<Truth>,
+    steady: Option<Steady>,
+    landing_for: FaultSet,
+}
+
+impl Statistics {
+    /// Takes in a tick.
+    pub fn tick(&mut self, tick: &Tick) {
+        let (record, timing) = (&tick.record, &tick.timing);
+        self.ticks += 1;
+        self.skipped += timing.skipped;
+        self.with_imu += u64::from(record.imu_samples > 0);
+        self.wake.record(timing.wake_latency);
+        self.compute.record(timing.compute);
+        self.period.record(timing.period);
+        if timing.imu_to_command > 0 {
+            self.imu_to_command.record(timing.imu_to_command);
+        }
+        self.flew |= record.phase.in_flight();
+        if record.phase.in_flight() {
+            self.faults.0 |= record.faults.0;
+        }
+        let lands = matches!(record.phase, Phase::Landing | Phase::Emergency);
+        if lands && self.landing_for.is_empty() {
+            self.landing_for = record.faults;
+        }
+        if record.phase != Phase::Flying {
+            return;
+        }
+        self.tracking.add(record.position_error_w.norm());
+        let Some(truth) = self.truth.filter(|_| record.compliant) else { return };
+        self.force.add((record.wrench_tool_w.force - truth.tool_wrench_w.force).norm());
+        self.push(record.raw.time, &truth, &(truth.tool_position_w - record.setpoint.position_w));
+    }
+
+    fn push(&mut self, now: f64, truth: &Truth, deflection_w: &Vector3) {
+        let force_w = truth.tool_wrench_w.force;
+        if force_w.norm() == 0.0 {
+            self.steady = None;
+            return;
+        }
+        let steady = match &mut self.steady {
+            Some(steady) if steady.force_w == force_w => steady,
+            other => other.insert(Steady { force_w, since: now, mean_w: *deflection_w, updated: now }),
+        };
+        let part = ((now - steady.updated) / (0.5 * SETTLED)).clamp(0.0, 1.0);
+        steady.mean_w += (deflection_w - steady.mean_w) * part;
+        steady.updated = now;
+        if now - steady.since >= STEADY {
+            self.deflection = Some(Deflection { force_w, tool_w: steady.mean_w });
+        }
+    }
+
+    /// Takes in what is true of the simulated vehicle.
+    pub fn truth(&mut self, truth: &Truth) {
+        self.truth = Some(*truth);
+    }
+
+    /// Whether the flight was ended by a fault, not by its operator.
+    #[must_use]
+    pub fn ended_by_fault(&self) -> bool {
+        use tilthex_core::supervisor::{Fault, Reaction};
+        self.landing_for.rows().any(|row| row.fault != Fault::Operator && row.in_flight >= Reaction::Land)
+    }
+
+    /// Wake-up, compute, period and IMU to command.
+    #[must_use]
+    pub fn times(&self) -> [(&'static str, Quantiles); 4] {
+        [
+            ("wake-up after the deadline", self.wake.quantiles()),
+            ("tick, to the end of its write", self.compute.quantiles()),
+            ("between ticks", self.period.quantiles()),
+            ("IMU bytes found to command out", self.imu_to_command.quantiles()),
+        ]
+    }
+}
