@@ -33,6 +33,7 @@ pub mod so3;
 pub mod supervisor;
 pub mod trajectory;
 pub mod types;
+pub mod ukf;
 pub mod vehicle;
 pub mod wrench_observer;
 

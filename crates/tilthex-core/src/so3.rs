@@ -25,7 +25,7 @@ pub fn vee(m: &Matrix3) -> Vector3 {
 }
 
 /// sin(t)/t, (1-cos(t))/t^2 and (t-sin(t))/t^3 of t^2.
-fn ratios(t2: f64) -> (f64, f64, f64) {
+pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
     if t2 < SMALL_ANGLE_SQUARED {
         let a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0)));
         let b = 0.5 * (1.0 - t2 / 12.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0 * (1.0 - t2 / 90.0))));

@@ -1,0 +1,117 @@
+//! Triangles of 15x15 matrices, laid out for the filter's two products.
+//!
+//! A column holds 16 lanes, so that a compiler turns each loop over lanes into
+//! whole vector instructions; four columns at a time share the first lane that
+//! is worked on. What lies above the diagonal is never read.
+#![allow(clippy::needless_range_loop)] // Indices are the mathematics here.
+
+/// Dimension of the error state.
+pub(super) const N: usize = 15;
+/// Its dimension padded to whole vectors; the last lane is zero.
+pub(super) const LANES: usize = 16;
+
+/// One column.
+pub(super) type Column = [f64; LANES];
+
+/// The lower triangle of a symmetric matrix, or a lower triangular one, by columns.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Triangle(pub(super) [Column; N]);
+
+impl Triangle {
+    pub(super) const ZERO: Self = Self([[0.0; LANES]; N]);
+
+    /// Entry of the symmetric matrix of which this is the lower triangle.
+    pub(super) fn get(&self, i: usize, j: usize) -> f64 {
+        if i >= j { self.0[j][i] } else { self.0[i][j] }
+    }
+
+    /// Diagonal entry.
+    pub(super) fn diagonal(&self, i: usize) -> f64 {
+        self.0[i][i]
+    }
+
+    /// The lower triangular factor `L` with `L L^T` = this, zero above the
+    /// diagonal. None where a pivot is not above `1e-15` of its diagonal entry.
+    pub(super) fn cholesky(&self) -> Option<Self> {
+        let mut l = Self::ZERO;
+        let positive = self.factor_panel::<0>(&mut l)
+            && self.factor_panel::<4>(&mut l)
+            && self.factor_panel::<8>(&mut l)
+            && self.factor_panel::<12>(&mut l);
+        positive.then_some(l)
+    }
+
+    /// Columns `FIRST..FIRST + 4` of the factor (left-looking).
+    #[inline]
+    fn factor_panel<const FIRST: usize>(&self, l: &mut Self) -> bool {
+        for j in FIRST..N.min(FIRST + 4) {
+            let mut column = self.0[j];
+            let entry = column[j];
+            for k in 0..j {
+                let factor = l.0[k][j];
+                for i in FIRST..LANES {
+                    column[i] -= factor * l.0[k][i];
+                }
+            }
+            let pivot = column[j];
+            if !(pivot > 1e-15 * entry && pivot.is_finite()) {
+                return false;
+            }
+            let scale = 1.0 / libm::sqrt(pivot);
+            for i in FIRST..LANES {
+                l.0[j][i] = if i >= j { column[i] * scale } else { 0.0 };
+            }
+        }
+        true
+    }
+
+    /// `A A^T` of a lower triangular `A`.
+    pub(super) fn gram(&self) -> Self {
+        let mut p = Self::ZERO;
+        self.gram_panel::<0>(&mut p);
+        self.gram_panel::<4>(&mut p);
+        self.gram_panel::<8>(&mut p);
+        self.gram_panel::<12>(&mut p);
+        p
+    }
+
+    #[inline]
+    fn gram_panel<const FIRST: usize>(&self, p: &mut Self) {
+        for j in FIRST..N.min(FIRST + 4) {
+            let mut column = [0.0; LANES];
+            for k in 0..=j {
+                let factor = self.0[k][j];
+                for i in FIRST..LANES {
+                    column[i] += factor * self.0[k][i];
+                }
+            }
+            p.0[j] = column;
+        }
+    }
+
+    /// Subtracts `w w^T`.
+    pub(super) fn downdate(&mut self, w: &Column) {
+        for j in 0..N {
+            let factor = w[j];
+            for i in 0..LANES {
+                self.0[j][i] -= factor * w[i];
+            }
+        }
+    }
+
+    /// Multiplies row and column `i` by `scale` (the diagonal entry twice).
+    pub(super) fn scale(&mut self, i: usize, scale: f64) {
+        for j in 0..i {
+            self.0[j][i] *= scale;
+        }
+        for x in &mut self.0[i] {
+            *x *= scale;
+        }
+        self.0[i][i] *= scale;
+    }
+
+    /// Whether the entries below the diagonal are finite and those on it positive.
+    pub(super) fn is_sound(&self) -> bool {
+        (0..N).all(|j| self.0[j][j] > 0.0 && self.0[j][j..N].iter().all(|x| x.is_finite()))
+    }
+}

@@ -1,0 +1,438 @@
+//! Unscented Kalman filter on SO(3) x R^12: position, velocity, rotation, gyro
+//! bias and accelerometer bias of the IMU, driven by its readings and corrected by poses.
+//!
+//! Brossard, Barrau, Bonnabel, "A code for unscented Kalman filtering on
+//! manifolds (UKF-M)", ICRA 2020: the mean is propagated on the manifold, the
+//! covariance by sigma points in the tangent space, with the retraction
+//!
+//! ```text
+//! (p, v, R, b_g, b_a) (+) (dp, dv, dr, db_g, db_a) = (p + dp, v + dv, exp(dr) R, b_g + db_g, b_a + db_a)
+//! ```
+//!
+//! so that the rotation error is in world coordinates. The 2n+1 points (alpha = 1,
+//! beta = 2, kappa = 0: no negative weight) come from the Cholesky factor of the
+//! covariance in the order (gyro bias, rotation, accelerometer bias, velocity,
+//! position); see `sigma.rs` for what that order saves. The process noise is white and additive in the tangent
+//! space; a pose is linear in the error state (both errors are in the tangent
+//! space of the mean), so that the unscented update is the Kalman update to the letter.
+//!
+//! # Why the covariance stays positive definite
+//! A prediction is a sum of squares with non-negative weights plus process noise, whose
+//! smallest share of any variance (1e-9 and more a step) is far above the rounding of the sum (1e-14); an
+//! update subtracts `W W^T` with the measurement noise inside `W`, and floors on that
+//! noise with ceilings on the covariance keep their ratio below 1e13. Should a factorisation
+//! fail all the same, the correlations are shrunk until it does not, and the event is counted.
+
+mod matrix;
+mod sigma;
+
+use crate::{
+    Error,
+    error::check_range,
+    so3,
+    types::{Matrix3, Vector3},
+};
+use matrix::{Column, LANES, N, Triangle};
+use sigma::{ACCELEROMETER_BIAS, GYRO_BIAS, POSITION, ROTATION, VELOCITY, part};
+
+/// Covariance of the error state `(position, velocity, rotation, gyro bias,
+/// accelerometer bias)`: SI units, world coordinates for the first three, IMU coordinates for the biases.
+pub type Covariance = nalgebra::SMatrix<f64, 15, 15>;
+
+/// Where each entry of the public order lies inside the filter.
+const PUBLIC: [usize; N] = [12, 13, 14, 9, 10, 11, 3, 4, 5, 0, 1, 2, 6, 7, 8];
+
+/// Largest variances: past them a state is unknown, and growth would only cost digits.
+/// By part in internal order: (rad/s)^2, rad^2, (m/s^2)^2, (m/s)^2, m^2.
+const CEILING: [f64; 5] = [0.25, 0.21, 25.0, 1e4, 1e6];
+
+/// Noise of the IMU, as densities and walks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ProcessNoise {
+    /// White noise of the gyro, rad/s/sqrt(Hz).
+    pub gyro: f64,
+    /// White noise of the accelerometer, m/s^2/sqrt(Hz).
+    pub accelerometer: f64,
+    /// Random walk of the gyro bias, rad/s/sqrt(s).
+    pub gyro_bias: f64,
+    /// Random walk of the accelerometer bias, m/s^2/sqrt(s).
+    pub accelerometer_bias: f64,
+}
+
+impl Default for ProcessNoise {
+    /// A good MEMS IMU on a vibrating frame.
+    fn default() -> Self {
+        Self { gyro: 1e-3, accelerometer: 1e-2, gyro_bias: 1e-4, accelerometer_bias: 1e-3 }
+    }
+}
+
+impl ProcessNoise {
+    fn check(&self) -> Result<(), Error> {
+        check_range("gyro_noise", self.gyro, 1e-6, 1.0)?;
+        check_range("accelerometer_noise", self.accelerometer, 1e-5, 10.0)?;
+        check_range("gyro_bias_walk", self.gyro_bias, 1e-8, 1.0)?;
+        check_range("accelerometer_bias_walk", self.accelerometer_bias, 1e-7, 10.0)
+    }
+}
+
+/// Standard deviations of an initial state.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InitialDeviation {
+    /// m.
+    pub position: f64,
+    /// m/s.
+    pub velocity: f64,
+    /// rad.
+    pub rotation: f64,
+    /// rad/s.
+    pub gyro_bias: f64,
+    /// m/s^2.
+    pub accelerometer_bias: f64,
+}
+
+impl Default for InitialDeviation {
+    fn default() -> Self {
+        Self { position: 0.01, velocity: 0.1, rotation: 0.02, gyro_bias: 0.02, accelerometer_bias: 0.2 }
+    }
+}
+
+impl InitialDeviation {
+    /// Refuses deviations that are not positive or past what the filter represents.
+    ///
+    /// # Errors
+    /// [`Error`], which names the deviation.
+    pub fn check(&self) -> Result<(), Error> {
+        check_range("initial_position", self.position, 1e-5, 1e3)?;
+        check_range("initial_velocity", self.velocity, 1e-5, 1e2)?;
+        check_range("initial_rotation", self.rotation, 1e-5, 0.4)?;
+        check_range("initial_gyro_bias", self.gyro_bias, 1e-7, 0.5)?;
+        check_range("initial_accelerometer_bias", self.accelerometer_bias, 1e-6, 5.0)
+    }
+
+    /// Variances by part, in internal order.
+    fn variances(&self) -> [f64; 5] {
+        [self.gyro_bias, self.rotation, self.accelerometer_bias, self.velocity, self.position].map(|s| s * s)
+    }
+}
+
+/// Position, velocity and rotation of the IMU, and its biases.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Navigation {
+    /// Position of the IMU, m, world.
+    pub position_w: Vector3,
+    /// Its velocity, m/s, world.
+    pub velocity_w: Vector3,
+    /// Maps IMU coordinates to world coordinates.
+    pub rotation_wi: Matrix3,
+    /// What the gyro reads at rest, rad/s.
+    pub gyro_bias_i: Vector3,
+    /// What the accelerometer reads beyond the specific force, m/s^2.
+    pub accelerometer_bias_i: Vector3,
+}
+
+impl Navigation {
+    /// At rest at the origin, level, without biases.
+    pub const ORIGIN: Self = Self {
+        position_w: Vector3::new(0.0, 0.0, 0.0),
+        velocity_w: Vector3::new(0.0, 0.0, 0.0),
+        rotation_wi: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        gyro_bias_i: Vector3::new(0.0, 0.0, 0.0),
+        accelerometer_bias_i: Vector3::new(0.0, 0.0, 0.0),
+    };
+}
+
+/// Mean and covariance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct UkfState {
+    /// The mean.
+    pub mean: Navigation,
+    covariance: Triangle,
+    recoveries: u32,
+}
+
+/// The difference between a measurement and its prediction, ready to be applied.
+#[derive(Clone, Copy, Debug)]
+pub struct Innovation<const M: usize> {
+    /// Whitened: `L^-1 y` with `L L^T` the innovation's covariance. Its squared
+    /// norm is chi-square with `M` degrees of freedom, that of its first `m` entries with `m`.
+    pub whitened: [f64; M],
+    gains: [Column; M],
+}
+
+impl<const M: usize> Innovation<M> {
+    /// Normalised innovation squared of the first `m` entries.
+    #[must_use]
+    pub fn squared(&self, m: usize) -> f64 {
+        self.whitened.iter().take(m).map(|x| x * x).sum()
+    }
+}
+
+/// The filter's parameters.
+#[derive(Clone, Copy, Debug)]
+pub struct Ukf {
+    noise: ProcessNoise,
+}
+
+impl UkfState {
+    /// `mean` with independent errors of the given deviations.
+    #[must_use]
+    pub fn new(mean: Navigation, deviation: &InitialDeviation) -> Self {
+        let mut state = Self { mean, covariance: Triangle::ZERO, recoveries: 0 };
+        for (i, variance) in deviation.variances().iter().enumerate() {
+            for j in 3 * i..3 * i + 3 {
+                state.covariance.0[j][j] = *variance;
+            }
+        }
+        state
+    }
+
+    /// The covariance, in the public order (position, velocity, rotation, biases).
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        Covariance::from_fn(|i, j| self.covariance.get(PUBLIC[i], PUBLIC[j]))
+    }
+
+    /// Times that a factorisation failed and the correlations were shrunk.
+    #[must_use]
+    pub fn recoveries(&self) -> u32 {
+        self.recoveries
+    }
+
+    /// Sum of the three variances of a part of the (internal) error state.
+    fn trace(&self, first: usize) -> f64 {
+        (first..first + 3).map(|i| self.covariance.diagonal(i)).sum()
+    }
+
+    /// Root of the summed variances of position (m), velocity (m/s) and rotation (rad).
+    #[must_use]
+    pub fn deviations(&self) -> [f64; 3] {
+        [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
+    }
+
+    /// Multiplies the deviations of position, velocity and rotation, keeping all correlations.
+    pub fn inflate(&mut self, factor: f64) {
+        for i in (ROTATION..ROTATION + 3).chain(VELOCITY..POSITION + 3) {
+            self.covariance.scale(i, factor);
+        }
+        self.limit();
+    }
+
+    /// Whether mean and covariance are finite, and the covariance positive definite.
+    #[must_use]
+    pub fn is_sound(&self) -> bool {
+        self.covariance.is_sound() && self.covariance.cholesky().is_some() && self.mean_is_finite()
+    }
+
+    fn mean_is_finite(&self) -> bool {
+        let m = &self.mean;
+        [m.position_w, m.velocity_w, m.gyro_bias_i, m.accelerometer_bias_i].iter().all(crate::types::is_finite3)
+            && m.rotation_wi.iter().all(|x| x.is_finite())
+    }
+
+    /// Scales back what is past its ceiling.
+    fn limit(&mut self) {
+        for (i, ceiling) in CEILING.iter().enumerate() {
+            let trace = self.trace(3 * i);
+            if trace > 3.0 * ceiling {
+                let scale = libm::sqrt(3.0 * ceiling / trace);
+                for j in 3 * i..3 * i + 3 {
+                    self.covariance.scale(j, scale);
+                }
+            }
+        }
+    }
+
+    /// The factor of the covariance. Where rounding has made it indefinite the
+    /// correlations are shrunk, by 1e-12 and then ever more, until it is not.
+    fn factor(&mut self) -> Triangle {
+        if let Some(l) = self.covariance.cholesky() {
+            return l;
+        }
+        self.recoveries = self.recoveries.saturating_add(1);
+        for shrink in [1e-12, 1e-9, 1e-6, 1e-3] {
+            for j in 0..N {
+                self.covariance.0[j][j] *= 1.0 + shrink;
+            }
+            if let Some(l) = self.covariance.cholesky() {
+                return l;
+            }
+        }
+        // Nothing is left of it but, at best, its diagonal.
+        let mut l = Triangle::ZERO;
+        for j in 0..N {
+            let variance = self.covariance.0[j][j];
+            let ceiling = CEILING[j / 3];
+            let variance = if variance > 0.0 && variance < ceiling { variance } else { ceiling };
+            self.covariance.0[j] = [0.0; LANES];
+            self.covariance.0[j][j] = variance;
+            l.0[j][j] = libm::sqrt(variance);
+        }
+        l
+    }
+
+    /// Whitens `y`, the measured minus the predicted values of the error-state
+    /// entries `rows`, measured with `noise` (lower triangle).
+    fn innovation<const M: usize>(
+        &self,
+        rows: [usize; M],
+        y: &[f64; M],
+        noise: &[[f64; M]; M],
+    ) -> Option<Innovation<M>> {
+        let p = &self.covariance;
+        let mut gains = [[0.0; LANES]; M];
+        let mut whitened = [0.0; M];
+        let mut l = [[0.0; M]; M];
+        for (j, row) in rows.iter().enumerate() {
+            let mut column: Column = core::array::from_fn(|i| if i < N { p.get(i, *row) } else { 0.0 });
+            let mut s: [f64; M] = core::array::from_fn(|i| column[rows[i]] + noise[j.min(i)][j.max(i)]);
+            let entry = s[j];
+            let mut e = y[j];
+            for k in 0..j {
+                let factor = l[k][j];
+                for (x, g) in column.iter_mut().zip(&gains[k]) {
+                    *x -= factor * g;
+                }
+                for (x, g) in s.iter_mut().zip(&l[k]) {
+                    *x -= factor * g;
+                }
+                e -= factor * whitened[k];
+            }
+            if !(s[j] > 1e-15 * entry && s[j].is_finite()) {
+                return None;
+            }
+            let scale = 1.0 / libm::sqrt(s[j]);
+            l[j] = s.map(|x| x * scale);
+            gains[j] = column.map(|x| x * scale);
+            whitened[j] = e * scale;
+        }
+        whitened.iter().all(|x| x.is_finite()).then_some(Innovation { whitened, gains })
+    }
+
+    /// What a pose of the IMU, measured with `noise`, tells beyond the mean; the
+    /// first three entries are the position's. None where it is not finite.
+    #[must_use]
+    pub fn pose_innovation(
+        &self,
+        position_w: &Vector3,
+        rotation_wi: &Matrix3,
+        noise: &PoseNoise,
+    ) -> Option<Innovation<6>> {
+        let dp = position_w - self.mean.position_w;
+        let dr = so3::log(&(rotation_wi * self.mean.rotation_wi.transpose()));
+        let rows = [POSITION, POSITION + 1, POSITION + 2, ROTATION, ROTATION + 1, ROTATION + 2];
+        self.innovation(rows, &[dp.x, dp.y, dp.z, dr.x, dr.y, dr.z], &noise.0)
+    }
+
+    /// What a position of the IMU, measured with the given variance a axis, tells beyond the mean.
+    #[must_use]
+    pub fn position_innovation(&self, position_w: &Vector3, variance: f64) -> Option<Innovation<3>> {
+        let dp = position_w - self.mean.position_w;
+        let noise = [[variance, 0.0, 0.0], [0.0, variance, 0.0], [0.0, 0.0, variance]];
+        self.innovation([POSITION, POSITION + 1, POSITION + 2], &[dp.x, dp.y, dp.z], &noise)
+    }
+
+    /// Moves mean and covariance by an innovation.
+    pub fn apply<const M: usize>(&mut self, innovation: &Innovation<M>) {
+        let mut step = [0.0; LANES];
+        for (gain, e) in innovation.gains.iter().zip(&innovation.whitened) {
+            for (x, g) in step.iter_mut().zip(gain) {
+                *x += e * g;
+            }
+            self.covariance.downdate(gain);
+        }
+        let mean = &mut self.mean;
+        mean.gyro_bias_i += part(&step, GYRO_BIAS);
+        mean.accelerometer_bias_i += part(&step, ACCELEROMETER_BIAS);
+        mean.velocity_w += part(&step, VELOCITY);
+        mean.position_w += part(&step, POSITION);
+        mean.rotation_wi = so3::exp(&part(&step, ROTATION)) * mean.rotation_wi;
+    }
+}
+
+/// Covariance of a measured pose of the IMU: (position, rotation), m and rad, world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PoseNoise([[f64; 6]; 6]);
+
+impl PoseNoise {
+    /// Of a captured body measured with the deviations `position` (m) and
+    /// `rotation` (rad) an axis, whose origin lies at `offset_w` from the IMU: the
+    /// rotation's error moves the IMU on that arm.
+    #[must_use]
+    pub fn new(position: f64, rotation: f64, offset_w: &Vector3) -> Self {
+        let variance = rotation * rotation;
+        // p_I = p_C - exp(n) R c: the error of p_I is n_p + hat(R c) n.
+        let arm = so3::hat(offset_w);
+        let arm_squared = variance * arm * arm.transpose();
+        let cross = variance * arm;
+        let mut noise = [[0.0; 6]; 6];
+        for j in 0..3 {
+            for i in 0..3 {
+                let same = if i == j { 1.0 } else { 0.0 };
+                noise[j][i] = arm_squared[(i, j)] + same * position * position;
+                noise[j][i + 3] = cross[(j, i)];
+                noise[j + 3][i] = cross[(i, j)];
+                noise[j + 3][i + 3] = same * variance;
+            }
+        }
+        Self(noise)
+    }
+}
+
+impl Ukf {
+    /// A filter for an IMU of the given noise.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] or [`Error::NotFinite`] for a density that is not a small positive number.
+    pub fn new(noise: ProcessNoise) -> Result<Self, Error> {
+        noise.check()?;
+        Ok(Self { noise })
+    }
+
+    /// Moves the state by `dt` seconds (0 to 1) of constant readings: `gyro_i` in rad/s
+    /// and `specific_force_i` in m/s^2, IMU coordinates, biases included.
+    pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
+        let factor = state.factor();
+        let moved = sigma::propagate(&state.mean, factor, gyro_i, specific_force_i, dt);
+        state.mean = moved.mean;
+        // One Newton step to the nearest rotation, so that rounding does not add up.
+        let r = &state.mean.rotation_wi;
+        state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
+        state.covariance = moved.factor.gram();
+        add_even(&mut state.covariance, &moved.even, dt);
+        self.add_noise(&mut state.covariance, dt);
+        state.limit();
+    }
+
+    /// White noise over `dt`, exactly integrated. Isotropic, so that the frame does not matter.
+    fn add_noise(&self, covariance: &mut Triangle, dt: f64) {
+        let n = &self.noise;
+        let force = n.accelerometer * n.accelerometer * dt;
+        for i in 0..3 {
+            covariance.0[GYRO_BIAS + i][GYRO_BIAS + i] += n.gyro_bias * n.gyro_bias * dt;
+            covariance.0[ROTATION + i][ROTATION + i] += n.gyro * n.gyro * dt;
+            let bias = ACCELEROMETER_BIAS + i;
+            covariance.0[bias][bias] += n.accelerometer_bias * n.accelerometer_bias * dt;
+            covariance.0[VELOCITY + i][VELOCITY + i] += force;
+            covariance.0[VELOCITY + i][POSITION + i] += 0.5 * dt * force;
+            covariance.0[POSITION + i][POSITION + i] += dt * dt / 3.0 * force;
+        }
+    }
+}
+
+/// Adds the even halves' products: over (rotation, acceleration), of which
+/// velocity takes `dt` and position `dt^2/2`.
+#[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
+fn add_even(covariance: &mut Triangle, even: &[[f64; 6]; 6], dt: f64) {
+    let half = 0.5 * dt * dt;
+    for j in 0..3 {
+        for i in 0..3 {
+            let (force_rotation, force) = (even[j][i + 3], even[j + 3][i + 3]);
+            covariance.0[ROTATION + j][ROTATION + i] += even[j][i];
+            covariance.0[ROTATION + j][VELOCITY + i] += dt * force_rotation;
+            covariance.0[ROTATION + j][POSITION + i] += half * force_rotation;
+            covariance.0[VELOCITY + j][VELOCITY + i] += dt * dt * force;
+            covariance.0[VELOCITY + j][POSITION + i] += dt * half * force;
+            covariance.0[POSITION + j][POSITION + i] += half * half * force;
+        }
+    }
+}
