@@ -23,6 +23,7 @@ pub mod bias;
 pub mod clock_sync;
 pub mod controller;
 pub mod error;
+pub mod estimator;
 pub mod filters;
 pub mod flight;
 pub mod link;

@@ -150,9 +150,44 @@ pub struct UkfState {
     recoveries: u32,
 }
 
+/// A [`UkfState`] in little more than half its room.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PackedState {
+    mean: Navigation,
+    covariance: [f64; N * (N + 1) / 2],
+    recoveries: u32,
+}
+
+impl PackedState {
+    pub(crate) const EMPTY: Self =
+        Self { mean: Navigation::ORIGIN, covariance: [0.0; N * (N + 1) / 2], recoveries: 0 };
+
+    pub(crate) fn pack(state: &UkfState) -> Self {
+        let mut packed = Self { mean: state.mean, recoveries: state.recoveries, ..Self::EMPTY };
+        let entries = state.covariance.0.iter().enumerate().flat_map(|(j, column)| &column[j..N]);
+        for (slot, entry) in packed.covariance.iter_mut().zip(entries) {
+            *slot = *entry;
+        }
+        packed
+    }
+
+    pub(crate) fn unpack(&self) -> UkfState {
+        let mut covariance = Triangle::ZERO;
+        let entries = covariance.0.iter_mut().enumerate().flat_map(|(j, column)| &mut column[j..N]);
+        for (entry, slot) in entries.zip(&self.covariance) {
+            *entry = *slot;
+        }
+        UkfState { mean: self.mean, covariance, recoveries: self.recoveries }
+    }
+}
+
 /// The difference between a measurement and its prediction, ready to be applied.
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
+    /// Measured minus predicted, SI units.
+    pub residual: [f64; M],
+    /// Its predicted standard deviations.
+    pub deviation: [f64; M],
     /// Whitened: `L^-1 y` with `L L^T` the innovation's covariance. Its squared
     /// norm is chi-square with `M` degrees of freedom, that of its first `m` entries with `m`.
     pub whitened: [f64; M],
@@ -225,7 +260,9 @@ impl UkfState {
 
     fn mean_is_finite(&self) -> bool {
         let m = &self.mean;
-        [m.position_w, m.velocity_w, m.gyro_bias_i, m.accelerometer_bias_i].iter().all(crate::types::is_finite3)
+        [m.position_w, m.velocity_w, m.gyro_bias_i, m.accelerometer_bias_i]
+            .iter()
+            .all(crate::types::is_finite3)
             && m.rotation_wi.iter().all(|x| x.is_finite())
     }
 
@@ -280,12 +317,13 @@ impl UkfState {
     ) -> Option<Innovation<M>> {
         let p = &self.covariance;
         let mut gains = [[0.0; LANES]; M];
-        let mut whitened = [0.0; M];
+        let (mut whitened, mut deviation) = ([0.0; M], [0.0; M]);
         let mut l = [[0.0; M]; M];
         for (j, row) in rows.iter().enumerate() {
             let mut column: Column = core::array::from_fn(|i| if i < N { p.get(i, *row) } else { 0.0 });
             let mut s: [f64; M] = core::array::from_fn(|i| column[rows[i]] + noise[j.min(i)][j.max(i)]);
             let entry = s[j];
+            deviation[j] = libm::sqrt(entry);
             let mut e = y[j];
             for k in 0..j {
                 let factor = l[k][j];
@@ -305,7 +343,8 @@ impl UkfState {
             gains[j] = column.map(|x| x * scale);
             whitened[j] = e * scale;
         }
-        whitened.iter().all(|x| x.is_finite()).then_some(Innovation { whitened, gains })
+        let finite = whitened.iter().all(|x| x.is_finite());
+        finite.then_some(Innovation { residual: *y, deviation, whitened, gains })
     }
 
     /// What a pose of the IMU, measured with `noise`, tells beyond the mean; the

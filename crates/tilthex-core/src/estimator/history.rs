@@ -1,0 +1,242 @@
+//! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
+
+use super::Head;
+use crate::{
+    types::{Matrix3, Vector3},
+    ukf::PackedState,
+};
+
+/// Inertial samples kept: 0.3 s at 640 Hz.
+const SAMPLES: u64 = 192;
+/// Poses kept: 0.3 s at 130 Hz.
+const POSES: usize = 40;
+/// Checkpoints kept.
+const CHECKPOINTS: usize = 10;
+
+/// One inertial sample, IMU coordinates.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ImuEntry {
+    pub(super) time: f64,
+    pub(super) gyro: Vector3,
+    pub(super) force: Vector3,
+}
+
+/// The newest samples, by a number that counts up from zero.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ImuHistory {
+    entries: [ImuEntry; SAMPLES as usize],
+    count: u64,
+}
+
+impl ImuHistory {
+    pub(super) const EMPTY: Self = {
+        let zero = Vector3::new(0.0, 0.0, 0.0);
+        Self { entries: [ImuEntry { time: 0.0, gyro: zero, force: zero }; SAMPLES as usize], count: 0 }
+    };
+
+    pub(super) fn push(&mut self, entry: ImuEntry) {
+        self.entries[(self.count % SAMPLES) as usize] = entry;
+        self.count += 1;
+    }
+
+    /// Number of the next sample.
+    pub(super) fn end(&self) -> u64 {
+        self.count
+    }
+
+    /// Number of the oldest sample that is still kept.
+    fn begin(&self) -> u64 {
+        self.count.saturating_sub(SAMPLES)
+    }
+
+    /// Number of the oldest sample from which the filter can start again: its
+    /// interval is still whole when the next sample has come.
+    pub(super) fn first_usable(&self) -> u64 {
+        if self.count < SAMPLES { 0 } else { self.begin() + 2 }
+    }
+
+    pub(super) fn get(&self, number: u64) -> &ImuEntry {
+        &self.entries[(number % SAMPLES) as usize]
+    }
+
+    pub(super) fn newest(&self) -> Option<&ImuEntry> {
+        (self.count > 0).then(|| self.get(self.count - 1))
+    }
+
+    /// Readings over the interval that ends with sample `number`, the mean of
+    /// its two ends, and its length (s).
+    pub(super) fn interval(&self, number: u64) -> (Vector3, Vector3, f64) {
+        let end = self.get(number);
+        if number == 0 || number <= self.begin() {
+            return (end.gyro, end.force, 0.0);
+        }
+        let start = self.get(number - 1);
+        (0.5 * (start.gyro + end.gyro), 0.5 * (start.force + end.force), end.time - start.time)
+    }
+
+    /// Number of the first sample after `time`.
+    pub(super) fn first_after(&self, time: f64) -> u64 {
+        let mut number = self.count;
+        while number > self.begin() && self.get(number - 1).time > time {
+            number -= 1;
+        }
+        number
+    }
+}
+
+/// A pose of the captured body that waits, or that may have to be applied again.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PoseEntry {
+    pub(super) time: f64,
+    pub(super) position: Vector3,
+    pub(super) rotation: Matrix3,
+    /// Whether its outcome has been counted (it may be applied again after a late one).
+    pub(super) reported: bool,
+}
+
+/// Poses in the order in which they were taken.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PoseQueue {
+    entries: [PoseEntry; POSES],
+    len: usize,
+}
+
+impl PoseQueue {
+    pub(super) const EMPTY: Self = {
+        let entry = PoseEntry {
+            time: 0.0,
+            position: Vector3::new(0.0, 0.0, 0.0),
+            rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+            reported: false,
+        };
+        Self { entries: [entry; POSES], len: 0 }
+    };
+
+    fn kept(&self) -> &[PoseEntry] {
+        self.entries.get(..self.len).unwrap_or(&[])
+    }
+
+    pub(super) fn contains(&self, time: f64) -> bool {
+        self.kept().iter().any(|p| p.time == time)
+    }
+
+    /// Puts a pose in its place. Where that pushes out the oldest one, its time is handed back.
+    pub(super) fn insert(&mut self, entry: PoseEntry) -> Option<f64> {
+        let pushed_out = (self.len >= POSES).then(|| self.entries[0].time);
+        if pushed_out.is_some() {
+            self.entries.copy_within(1.., 0);
+            self.len = POSES - 1;
+        }
+        let place = self.kept().iter().filter(|p| p.time < entry.time).count();
+        // `place <= len < POSES`: swap the new one down through the later ones.
+        let mut moving = entry;
+        for slot in self.entries.iter_mut().take(self.len + 1).skip(place) {
+            core::mem::swap(slot, &mut moving);
+        }
+        self.len += 1;
+        pushed_out
+    }
+
+    /// The first pose taken after `time`, if it was taken by `until`.
+    pub(super) fn next(&self, time: f64, until: f64) -> Option<(usize, PoseEntry)> {
+        let (place, pose) = self.kept().iter().enumerate().find(|(_, p)| p.time > time)?;
+        (pose.time <= until).then_some((place, *pose))
+    }
+
+    pub(super) fn mark_reported(&mut self, place: usize) {
+        if let Some(pose) = self.entries.get_mut(place) {
+            pose.reported = true;
+        }
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+}
+
+/// The filter at some past time.
+#[derive(Clone, Copy, Debug)]
+struct Checkpoint {
+    state: PackedState,
+    time: f64,
+    next_sample: u64,
+    applied: f64,
+    accepted: f64,
+}
+
+/// Past states of the filter, oldest first.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Checkpoints {
+    entries: [Checkpoint; CHECKPOINTS],
+    len: usize,
+    spacing: f64,
+}
+
+impl Checkpoints {
+    /// None yet, spaced so that they cover `history` seconds.
+    pub(super) fn new(history: f64) -> Self {
+        let none =
+            Checkpoint { state: PackedState::EMPTY, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0 };
+        Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
+    }
+
+    fn kept(&self) -> &[Checkpoint] {
+        self.entries.get(..self.len).unwrap_or(&[])
+    }
+
+    fn keep_from(&mut self, first: usize) {
+        self.entries.rotate_left(first % CHECKPOINTS);
+        self.len = self.len.saturating_sub(first);
+    }
+
+    /// Saves the filter where the last checkpoint is old enough.
+    pub(super) fn save(&mut self, head: &Head) {
+        if self.kept().last().is_some_and(|c| head.time < c.time + self.spacing) {
+            return;
+        }
+        if self.len >= CHECKPOINTS {
+            self.keep_from(1);
+        }
+        if let Some(slot) = self.entries.get_mut(self.len) {
+            *slot = Checkpoint {
+                state: PackedState::pack(&head.state),
+                time: head.time,
+                next_sample: head.next_sample,
+                applied: head.applied,
+                accepted: head.accepted,
+            };
+            self.len += 1;
+        }
+    }
+
+    /// Goes back to the last checkpoint before `time`, and forgets those after it.
+    /// Refused where there is none that starts at sample `oldest` or later.
+    pub(super) fn restore(&mut self, time: f64, oldest: u64, head: &mut Head) -> bool {
+        let before = self.kept().iter().filter(|c| c.time <= time && c.applied < time).count();
+        let Some(found) = before.checked_sub(1).and_then(|last| self.kept().get(last)) else {
+            return false;
+        };
+        if found.next_sample < oldest {
+            return false;
+        }
+        *head = Head {
+            state: found.state.unpack(),
+            time: found.time,
+            next_sample: found.next_sample,
+            applied: found.applied,
+            accepted: found.accepted,
+        };
+        self.len = before;
+        true
+    }
+
+    /// Forgets the checkpoints from which a pose of that `time`, now gone, would have to be applied again.
+    pub(super) fn forget_before(&mut self, time: f64) {
+        let stale = self.kept().iter().filter(|c| c.applied < time).count();
+        self.keep_from(stale);
+    }
+
+    pub(super) fn clear(&mut self) {
+        self.len = 0;
+    }
+}

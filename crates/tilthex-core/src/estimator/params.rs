@@ -1,0 +1,145 @@
+//! What the estimator is told about the IMU, the capture system and the mounting.
+
+use super::{gate::chi_square_quantile, rest::RestParams};
+use crate::{
+    Error,
+    error::check_range,
+    so3,
+    types::{Matrix3, Vector3, is_finite3},
+    ukf::{InitialDeviation, PoseNoise, ProcessNoise},
+};
+
+/// Parameters of the [`Estimator`](super::Estimator).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EstimatorParams {
+    /// Noise of the IMU.
+    pub process: ProcessNoise,
+    /// Standard deviation of a captured position, m an axis.
+    pub position_noise: f64,
+    /// Standard deviation of a captured orientation, rad an axis.
+    pub rotation_noise: f64,
+    /// Position of the IMU, m, robot.
+    pub imu_position_r: Vector3,
+    /// Maps IMU coordinates to robot coordinates.
+    pub imu_rotation_ri: Matrix3,
+    /// Position of the captured body's origin, m, robot.
+    pub body_position_r: Vector3,
+    /// Maps the captured body's coordinates to robot coordinates.
+    pub body_rotation_rc: Matrix3,
+    /// Probability with which a good pose passes the gate.
+    pub gate_probability: f64,
+    /// Time over which late poses are still applied, s.
+    pub history: f64,
+    /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
+    pub latency: f64,
+    /// Uninterrupted rejection after which the covariance grows until poses pass again, s.
+    pub reacquire_after: f64,
+    /// Age of the newest accepted pose at which the state counts as coasting, s.
+    pub coast_after: f64,
+    /// Deviation (root of the summed variances) of the position at which the state counts as lost, m.
+    pub lost_position: f64,
+    /// Deviation of the rotation at which the state counts as lost, rad.
+    pub lost_rotation: f64,
+    /// Cut-off of the angular acceleration that the lever arm needs, Hz.
+    pub angular_acceleration_hz: f64,
+    /// Deviations of the state that a pose initialises.
+    pub initial: InitialDeviation,
+    /// What counts as rest.
+    pub rest: RestParams,
+}
+
+impl Default for EstimatorParams {
+    fn default() -> Self {
+        Self {
+            process: ProcessNoise::default(),
+            position_noise: 0.5e-3,
+            rotation_noise: 3e-3,
+            imu_position_r: Vector3::zeros(),
+            imu_rotation_ri: Matrix3::identity(),
+            body_position_r: Vector3::zeros(),
+            body_rotation_rc: Matrix3::identity(),
+            gate_probability: 0.9999,
+            history: 0.3,
+            latency: 0.0,
+            reacquire_after: 0.3,
+            coast_after: 0.1,
+            lost_position: 0.3,
+            lost_rotation: 0.2,
+            angular_acceleration_hz: 20.0,
+            initial: InitialDeviation::default(),
+            rest: RestParams::default(),
+        }
+    }
+}
+
+/// A measured pose of the IMU.
+pub(super) struct ImuPose {
+    pub(super) position_w: Vector3,
+    pub(super) rotation_wi: Matrix3,
+    pub(super) noise: PoseNoise,
+}
+
+/// Parameters in the form that the steps use.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Derived {
+    /// Maps IMU coordinates to the captured body's.
+    rotation_ci: Matrix3,
+    /// The captured body's origin, m, IMU.
+    pub(super) arm_i: Vector3,
+    pub(super) gate_pose: f64,
+    pub(super) gate_position: f64,
+}
+
+impl EstimatorParams {
+    /// # Errors
+    /// [`Error`], which names the first parameter that can not be.
+    pub(super) fn derive(&self) -> Result<Derived, Error> {
+        check_range("position_noise", self.position_noise, 1e-4, 1.0)?;
+        check_range("rotation_noise", self.rotation_noise, 1e-4, 1.0)?;
+        check_range("gate_probability", self.gate_probability, 0.5, 1.0 - 1e-12)?;
+        check_range("history", self.history, 0.02, 1.0)?;
+        check_range("latency", self.latency, 0.0, 0.5 * self.history)?;
+        check_range("reacquire_after", self.reacquire_after, 0.0, 60.0)?;
+        check_range("coast_after", self.coast_after, 0.0, 60.0)?;
+        check_range("lost_position", self.lost_position, 1e-3, 1e3)?;
+        check_range("lost_rotation", self.lost_rotation, 1e-3, 1.0)?;
+        check_range("angular_acceleration_hz", self.angular_acceleration_hz, 0.1, 1e3)?;
+        for (name, v) in [("imu_position", self.imu_position_r), ("body_position", self.body_position_r)] {
+            if !is_finite3(&v) {
+                return Err(Error::NotFinite { name });
+            }
+            check_range(name, v.amax(), 0.0, 10.0)?;
+        }
+        so3::check_rotation("imu_rotation", &self.imu_rotation_ri)?;
+        so3::check_rotation("body_rotation", &self.body_rotation_rc)?;
+        self.initial.check()?;
+        self.rest.check()?;
+        Ok(Derived {
+            rotation_ci: self.body_rotation_rc.transpose() * self.imu_rotation_ri,
+            arm_i: self.imu_rotation_ri.transpose() * (self.body_position_r - self.imu_position_r),
+            gate_pose: chi_square_quantile(self.gate_probability, 6),
+            gate_position: chi_square_quantile(self.gate_probability, 3),
+        })
+    }
+
+    /// The pose of the IMU that a pose of the captured body means.
+    pub(super) fn imu_pose(&self, derived: &Derived, position_w: &Vector3, rotation_wc: &Matrix3) -> ImuPose {
+        let rotation_wi = rotation_wc * derived.rotation_ci;
+        let arm_w = rotation_wi * derived.arm_i;
+        ImuPose {
+            position_w: position_w - arm_w,
+            rotation_wi,
+            noise: PoseNoise::new(self.position_noise, self.rotation_noise, &arm_w),
+        }
+    }
+}
+
+impl RestParams {
+    fn check(&self) -> Result<(), Error> {
+        check_range("rest_duration", self.duration, 0.05, 60.0)?;
+        check_range("rest_gyro_deviation", self.gyro_deviation, 1e-6, 10.0)?;
+        check_range("rest_accelerometer_deviation", self.accelerometer_deviation, 1e-6, 100.0)?;
+        check_range("rest_gyro_bias", self.gyro_bias, 1e-6, 10.0)?;
+        check_range("rest_accelerometer_bias", self.accelerometer_bias, 1e-6, 10.0)
+    }
+}
