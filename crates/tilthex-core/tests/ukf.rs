@@ -9,7 +9,7 @@ use tilthex_core::{
     Matrix3, Vector3,
     random::Random,
     so3,
-    ukf::{InitialDeviation, Navigation, PoseNoise, ProcessNoise, Ukf, UkfState},
+    ukf::{Covariance, InitialDeviation, Navigation, PoseNoise, ProcessNoise, Ukf, UkfState},
 };
 use unstructured::{Points, difference};
 
@@ -120,6 +120,65 @@ proptest! {
         let (turned, level) = (update(rotation), update(Matrix3::identity()));
         prop_assert!((turned.0 - level.0).amax() < 1e-12);
         prop_assert!((turned.1 - level.1).amax() < 1e-15);
+    }
+}
+
+/// Covariance of many random states sent through the model.
+fn monte_carlo(
+    mean: &Navigation,
+    covariance: &Covariance,
+    (gyro, force): (&Vector3, &Vector3),
+    dt: f64,
+    count: usize,
+) -> Covariance {
+    let l = covariance.cholesky().unwrap().l();
+    let mut random = Random::new(17);
+    let next = unstructured::model(mean, gyro, force, dt);
+    let mut sums = (unstructured::Error::zeros(), Covariance::zeros());
+    for _ in 0..count {
+        let e = l * unstructured::Error::from_fn(|_, _| random.normal());
+        let moved =
+            difference(&unstructured::model(&unstructured::retract(mean, &e), gyro, force, dt), &next);
+        sums.0 += moved;
+        sums.1 += moved * moved.transpose();
+    }
+    let centre = sums.0 / count as f64;
+    sums.1 / count as f64 - centre * centre.transpose()
+}
+
+/// Worst relative difference of a standard deviation.
+fn difference_of_deviations(a: &Covariance, b: &Covariance) -> f64 {
+    (0..15).map(|i| ((a[(i, i)] / b[(i, i)]).sqrt() - 1.0).abs()).fold(0.0, f64::max)
+}
+
+/// Pairs and simplex against random states, over a step long enough (0.1 s) for the
+/// model's curvature to show: the pairs are nearer throughout.
+#[test]
+fn pairs_are_at_least_as_good_as_the_simplex() {
+    let none = ProcessNoise { gyro: 0.0, accelerometer: 0.0, gyro_bias: 0.0, accelerometer_bias: 0.0 };
+    let readings = (&Vector3::new(1.0, -2.0, 0.5), &Vector3::new(3.0, -1.0, 12.0));
+    for (rotation, limit) in [(0.01, 0.005), (0.05, 0.01), (0.3, 0.7)] {
+        let initial = InitialDeviation {
+            position: 0.02,
+            velocity: 0.05,
+            rotation,
+            gyro_bias: rotation,
+            accelerometer_bias: 0.2,
+        };
+        let state = UkfState::new(Navigation::ORIGIN, &initial);
+        let (mean, p) = (state.mean, state.covariance());
+        let truth = monte_carlo(&mean, &p, readings, 0.1, 200_000);
+        let of = |points| {
+            difference_of_deviations(
+                &unstructured::predict(points, &mean, &p, &none, readings, 0.1).1,
+                &truth,
+            )
+        };
+        let (pairs, simplex) = (of(Points::Pairs), of(Points::Simplex));
+        println!(
+            "rotation {rotation} rad: worst deviation off by {pairs:.2e} (pairs), {simplex:.2e} (simplex)"
+        );
+        assert!(pairs < limit && pairs < simplex + 0.005, "{rotation}: {pairs} {simplex}");
     }
 }
 

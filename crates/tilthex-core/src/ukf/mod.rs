@@ -9,19 +9,20 @@
 //! (p, v, R, b_g, b_a) (+) (dp, dv, dr, db_g, db_a) = (p + dp, v + dv, exp(dr) R, b_g + db_g, b_a + db_a)
 //! ```
 //!
-//! so that the rotation error is in world coordinates. The 2n+1 points (alpha = 1,
-//! beta = 2, kappa = 0: no negative weight) come from the Cholesky factor of the
-//! covariance in the order (gyro bias, rotation, accelerometer bias, velocity,
-//! position); see `sigma.rs` for what that order saves. The process noise is white and additive in the tangent
-//! space; a pose is linear in the error state (both errors are in the tangent
+//! so that the rotation error is in world coordinates. The 2n+1 points (`alpha^2 = 1/5`,
+//! `beta = 2`, `kappa = 0`) come from the Cholesky factor of the covariance in the order
+//! (gyro bias, rotation, accelerometer bias, velocity, position); see `sigma.rs`
+//! for what that order saves. The process noise is white and additive in the
+//! tangent space; a pose is linear in the error state (both errors are in the tangent
 //! space of the mean), so that the unscented update is the Kalman update to the letter.
 //!
 //! # Why the covariance stays positive definite
-//! A prediction is a sum of squares with non-negative weights plus process noise, whose
-//! smallest share of any variance (1e-9 and more a step) is far above the rounding of the sum (1e-14); an
-//! update subtracts `W W^T` with the measurement noise inside `W`, and floors on that
-//! noise with ceilings on the covariance keep their ratio below 1e13. Should a factorisation
-//! fail all the same, the correlations are shrunk until it does not, and the event is counted.
+//! A prediction is a sum of squares with positive weights plus process noise, whose
+//! share of any variance (1e-9 and more a step) is far above the rounding of the
+//! sum (1e-14); an update subtracts `W W^T` with the measurement noise inside `W`, and
+//! floors on that noise with ceilings on the covariance keep their ratio below 1e13.
+//! Should a factorisation fail all the same, the correlations are shrunk until it does
+//! not, and the event is counted.
 
 mod matrix;
 mod sigma;

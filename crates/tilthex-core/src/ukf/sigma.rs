@@ -39,11 +39,13 @@ pub(super) const ACCELEROMETER_BIAS: usize = 6;
 pub(super) const VELOCITY: usize = 9;
 pub(super) const POSITION: usize = 12;
 
-/// Dimension of the error state, and square of the points' distance in
-/// standard deviations (`alpha = 1`, `kappa = 0`).
-const DIMENSION: f64 = 15.0;
-/// `sqrt(15)`.
-const SPREAD: f64 = 3.872_983_346_207_417;
+/// Square of the points' distance in standard deviations: that which matches a
+/// normal distribution's fourth moment (`alpha^2 = 3/15`, `kappa = 0`).
+const SPREAD_SQUARED: f64 = 3.0;
+/// `sqrt(3)`.
+const SPREAD: f64 = 1.732_050_807_568_877_2;
+/// Weight of the outer product of the even halves' mean: `2 - alpha^2`, for `beta = 2`.
+const MEAN_WEIGHT: f64 = 1.8;
 
 /// Three lanes of a column, from `first`.
 pub(super) fn part(column: &Column, first: usize) -> Vector3 {
@@ -216,8 +218,11 @@ fn move_column(column: &mut Column, odd_force: &Vector3, dt: f64) {
     set_part(column, VELOCITY, &(velocity + dt * odd_force));
 }
 
-/// `1/n sum (e - mean)(e - mean)^T + 2 mean mean^T` over all n = 15 pairs, nine
-/// of which have e = 0; 2 is the centre's covariance weight for `alpha = 1`, `beta = 2`.
+/// What the even halves `e` add to the covariance. With `c` the square of the
+/// spread, weights `1/(2c)` and `beta = 2`, the sum over the points' deviations
+/// from their mean `m = 1/c sum e`, and over the centre's, is
+/// `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the centre's
+/// own weight is negative.
 #[allow(clippy::needless_range_loop)]
 fn even_products(evens: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
     let mut products = [[0.0; 6]; 6];
@@ -232,7 +237,8 @@ fn even_products(evens: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
     }
     for j in 0..6 {
         for i in 0..6 {
-            products[j][i] = (products[j][i] + mean[j] * mean[i] / DIMENSION) / DIMENSION;
+            products[j][i] =
+                (products[j][i] + MEAN_WEIGHT / SPREAD_SQUARED * mean[j] * mean[i]) / SPREAD_SQUARED;
         }
     }
     products

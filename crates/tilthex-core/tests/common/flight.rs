@@ -26,8 +26,8 @@ impl Motion {
     /// Value, first and second derivative of a triple of axes.
     fn triple(&self, first: usize, t: f64) -> [Vector3; 3] {
         let mut out = [Vector3::zeros(); 3];
-        for axis in 0..3 {
-            for (a, w, phase) in self.waves[first + axis] {
+        for (axis, waves) in self.waves[first..first + 3].iter().enumerate() {
+            for &(a, w, phase) in waves {
                 let (s, c) = (w * t + phase).sin_cos();
                 out[0][axis] += a * s;
                 out[1][axis] += a * w * c;

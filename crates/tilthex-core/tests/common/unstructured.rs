@@ -41,7 +41,7 @@ pub fn difference(a: &Navigation, b: &Navigation) -> Error {
     e
 }
 
-fn model(x: &Navigation, gyro: &Vector3, force: &Vector3, dt: f64) -> Navigation {
+pub fn model(x: &Navigation, gyro: &Vector3, force: &Vector3, dt: f64) -> Navigation {
     let turned = x.rotation_wi * so3::exp(&((gyro - x.gyro_bias_i) * dt));
     let a = 0.5 * (x.rotation_wi + turned) * (force - x.accelerometer_bias_i) - Vector3::z() * GRAVITY;
     Navigation {
@@ -76,6 +76,9 @@ fn unit_points(points: Points) -> Vec<Error> {
     }
 }
 
+/// Square of the points' scale.
+const ALPHA_SQUARED: f64 = 0.2;
+
 /// The order in which the covariance is factored: gyro bias, rotation, accelerometer bias, velocity, position.
 const ORDER: [usize; 15] = [9, 10, 11, 6, 7, 8, 12, 13, 14, 3, 4, 5, 0, 1, 2];
 
@@ -94,7 +97,7 @@ pub fn predict(
     let moved: Vec<Error> = unit
         .iter()
         .map(|u| {
-            let inner = l * u;
+            let inner = l * u * ALPHA_SQUARED.sqrt();
             let mut e = Error::zeros();
             for i in 0..15 {
                 e[ORDER[i]] = inner[i];
@@ -102,9 +105,10 @@ pub fn predict(
             difference(&model(&retract(mean, &e), gyro, force, dt), &next)
         })
         .collect();
-    let weight = 1.0 / unit.len() as f64;
+    let weight = 1.0 / (ALPHA_SQUARED * unit.len() as f64);
     let centre = moved.iter().sum::<Error>() * weight;
-    let mut p = 2.0 * centre * centre.transpose();
+    // The centre moves to zero; beta = 2.
+    let mut p = (1.0 - 1.0 / ALPHA_SQUARED + 3.0 - ALPHA_SQUARED) * centre * centre.transpose();
     for e in &moved {
         let d = e - centre;
         p += weight * d * d.transpose();
