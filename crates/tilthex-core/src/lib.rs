@@ -27,6 +27,7 @@ pub mod estimator;
 pub mod filters;
 pub mod flight;
 pub mod link;
+pub mod mocap;
 pub mod plant;
 pub mod pose_control;
 pub mod random;
