@@ -39,7 +39,7 @@ fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     let asarray = ASARRAY.import(py, "numpy", "asarray")?;
     let found = asarray.call1((object, "float64")).map_err(|_| {
         let kind = object.get_type().name().map_or_else(|_| "an object".into(), |n| n.to_string());
-        PyTypeError::new_err(format!("{name} is a {kind}; expected an array of numbers"))
+        PyValueError::new_err(format!("{name} is a {kind}; expected an array of numbers"))
     })?;
     Ok(found.cast_into::<PyArrayDyn<f64>>()?)
 }
