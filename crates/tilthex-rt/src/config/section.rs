@@ -3,7 +3,7 @@
 
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt;
-use toml::Table;
+use toml::{Table, Value};
 
 /// What is wrong with a configuration, in one sentence.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,9 +122,26 @@ pub(crate) fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Writes a section under its header, with a comment above each key.
-pub(crate) fn print<S: Section>(section: &S, header: &str, out: &mut String) -> Result<(), ConfigError> {
-    let values = Table::try_from(section).map_err(|e| ConfigError::new(e.to_string()))?;
+/// Takes a section out of the file's table; a missing one is the default.
+pub(crate) fn take<S: Section + Default>(file: &mut Table) -> Result<S, ConfigError> {
+    match file.remove(S::NAME) {
+        None => Ok(S::default()),
+        Some(Value::Table(table)) => read(&table),
+        Some(other) => {
+            let sentence = format!("[{}]: found an {}; expected a table", S::NAME, other.type_str());
+            Err(ConfigError::new(sentence))
+        }
+    }
+}
+
+/// Writes a section with a comment above each key.
+pub(crate) fn print<S: Section>(section: &S, out: &mut String) {
+    print_under(&format!("[{}]", S::NAME), section, out);
+}
+
+/// The same under another header.
+pub(crate) fn print_under<S: Section>(header: &str, section: &S, out: &mut String) {
+    let values = Table::try_from(section).expect("numbers, texts and lists of them are TOML");
     for line in S::DOC {
         *out += &format!("#{line}\n");
     }
@@ -134,10 +151,9 @@ pub(crate) fn print<S: Section>(section: &S, header: &str, out: &mut String) -> 
             *out += &format!("#{line}\n");
         }
         match values.get(key.name) {
-            Some(value) => *out += &format!("{} = {}\n", key.name, value),
+            Some(value) => *out += &format!("{} = {value}\n", key.name),
             None => *out += &format!("# {} is not set\n", key.name),
         }
     }
     out.push('\n');
-    Ok(())
 }

@@ -170,12 +170,12 @@ impl VehicleSection {
     }
 
     /// Writes the section, complete.
-    pub(crate) fn print(&self, out: &mut String) -> Result<(), ConfigError> {
-        section::print(&self.body, "[vehicle]", out)?;
+    pub(super) fn print(&self, out: &mut String) {
+        section::print(&self.body, out);
         match &self.rotors {
-            Rotors::Hexarotor(hexarotor) => section::print(hexarotor, "[vehicle.tilted_hexarotor]", out),
+            Rotors::Hexarotor(hexarotor) => section::print(hexarotor, out),
             Rotors::List(list) => {
-                list.iter().try_for_each(|rotor| section::print(rotor, "[[vehicle.rotors]]", out))
+                list.iter().for_each(|rotor| section::print_under("[[vehicle.rotors]]", rotor, out));
             }
         }
     }
