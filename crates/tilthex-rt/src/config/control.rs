@@ -1,12 +1,13 @@
 //! The sections of the controller's blocks.
 
 use super::{
-    section::{ConfigError, Section, section},
+    section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
 use tilthex_core::{
     Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams},
+    allocation::{Allocator, AllocatorParams, Priority},
     controller::{Controller, ControllerParams},
     pose_control::{PoseController, PoseGains},
     wrench_observer::{ObserverGains, WrenchObserver},
@@ -59,6 +60,16 @@ section! {
     }
 }
 
+section! {
+    /// The allocation of the wanted wrench to the rotors within their limits, (12).
+    pub AllocationSection as "allocation" {
+        /// What is kept longest where the limits do not let all be had, most important first.
+        order: Vec<String> = Priority::ORDER.map(|p| p.name().into()).to_vec(),
+        /// Speeds are limited to what the rotors' lag lets them reach within this time, s; 0 for no such limit.
+        horizon: f64 = 0.0,
+    }
+}
+
 impl PoseControlSection {
     fn gains(&self) -> PoseGains {
         PoseGains {
@@ -88,12 +99,30 @@ impl AdmittanceSection {
     }
 }
 
+impl AllocationSection {
+    fn params(&self) -> Result<AllocatorParams, ConfigError> {
+        let count = Priority::ORDER.len();
+        let place = format!("[{}] order", Self::NAME);
+        let parts = self.order.iter().map(|name| {
+            let known = Priority::ORDER.iter().map(|p| p.name());
+            section::check_known("part", name, known).map_err(|e| e.within(&place))?;
+            Priority::from_name(name).ok_or_else(|| ConfigError::new(name.as_str()))
+        });
+        let parts = parts.collect::<Result<Vec<_>, _>>()?;
+        let order = parts.try_into().map_err(|parts: Vec<_>| {
+            ConfigError::new(format!("{place}: found {} parts, expected each of {count} once", parts.len()))
+        })?;
+        Ok(AllocatorParams { order, horizon: self.horizon })
+    }
+}
+
 /// The controller's parameters, checked block by block so that an error names its section.
 pub(super) fn controller_params(
     vehicle: &Vehicle,
     pose: &PoseControlSection,
     observer: &WrenchObserverSection,
     admittance: &AdmittanceSection,
+    allocation: &AllocationSection,
 ) -> Result<ControllerParams, ConfigError> {
     fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
         ConfigError::from(error).within(format_args!("[{}]", S::NAME))
@@ -105,10 +134,12 @@ pub(super) fn controller_params(
         force_dead_zone: admittance.force_dead_zone,
         torque_dead_zone: admittance.torque_dead_zone,
         low_pass_hz: admittance.low_pass_hz,
+        allocation: allocation.params()?,
     };
     PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
     WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
     AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
+    Allocator::new(vehicle).with_params(params.allocation).map_err(within::<AllocationSection>)?;
     // What is left to refuse is the filter and the dead zones.
     Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
     Ok(params)

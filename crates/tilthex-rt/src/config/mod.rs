@@ -11,7 +11,7 @@ mod time_scales;
 mod values;
 mod vehicle;
 
-pub use control::{AdmittanceSection, PoseControlSection, WrenchObserverSection};
+pub use control::{AdmittanceSection, AllocationSection, PoseControlSection, WrenchObserverSection};
 pub use section::{ConfigError, Key, Section};
 pub use sections::{EstimatorSection, LinkSection, LogSection, MocapSection, SupervisorSection};
 use std::path::Path;
@@ -31,6 +31,8 @@ pub struct Config {
     pub wrench_observer: WrenchObserverSection,
     /// The admittance filter.
     pub admittance: AdmittanceSection,
+    /// The allocation.
+    pub allocation: AllocationSection,
     /// The state estimator.
     pub estimator: EstimatorSection,
     /// The link to the vehicle.
@@ -47,7 +49,17 @@ pub struct Config {
 /// Applies a macro to every section but the vehicle's.
 macro_rules! each_section {
     ($apply:ident) => {
-        $apply!(pose_control, wrench_observer, admittance, estimator, link, mocap, supervisor, log)
+        $apply!(
+            pose_control,
+            wrench_observer,
+            admittance,
+            allocation,
+            estimator,
+            link,
+            mocap,
+            supervisor,
+            log
+        )
     };
 }
 
@@ -111,13 +123,20 @@ impl Config {
         let pose_control = section::take(&mut table)?;
         let wrench_observer = section::take(&mut table)?;
         let admittance = section::take(&mut table)?;
-        let controller =
-            control::controller_params(vehicle.vehicle(), &pose_control, &wrench_observer, &admittance)?;
+        let allocation = section::take(&mut table)?;
+        let controller = control::controller_params(
+            vehicle.vehicle(),
+            &pose_control,
+            &wrench_observer,
+            &admittance,
+            &allocation,
+        )?;
         Ok(Self {
             vehicle,
             pose_control,
             wrench_observer,
             admittance,
+            allocation,
             estimator: section::take(&mut table)?,
             link: section::take(&mut table)?,
             mocap: section::take(&mut table)?,

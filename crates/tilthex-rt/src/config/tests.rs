@@ -59,6 +59,15 @@ fn what_is_wrong_is_said_in_one_sentence() {
             "[admittance]: found 2 numbers, expected 6 numbers (the diagonal) or 6x6 in `mass`",
         ),
         ("[admittance]\nforce_dead_zone = nan", "[admittance]: force_dead_zone holds a NaN"),
+        (
+            "[allocation]\norder = ['yaw-torq']",
+            "[allocation] order: unknown part `yaw-torq`; the nearest known one is `yaw-torque`",
+        ),
+        (
+            "[allocation]\norder = ['yaw-torque']",
+            "[allocation] order: found 1 parts, expected each of 4 once",
+        ),
+        ("[allocation]\nhorizon = -1", "[allocation]: "),
         ("[link]\nbaud = 'fast'", "[link]: invalid type: string \"fast\", expected u32 in `baud`"),
         ("link = 3", "[link]: found an integer; expected a table"),
         ("x = = 3", "line 3: "),
