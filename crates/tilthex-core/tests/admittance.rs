@@ -1,5 +1,7 @@
 //! The admittance filter against closed forms and symmetry.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{rotation, vector, wrench};

@@ -1,5 +1,7 @@
 //! The closed loop on the plant: convergence, invariance, the shaped spring.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{rotation, tilt_hex, vector, wrench};

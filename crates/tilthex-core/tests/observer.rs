@@ -1,5 +1,7 @@
 //! The identities of the wrench observer (control.md section 5), on random vehicles.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{rotation, vector, vehicle, wrench};

@@ -1,5 +1,7 @@
 //! Conservation laws of the simulated rigid body.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{inertia, rotation, tilt_hex, vector};

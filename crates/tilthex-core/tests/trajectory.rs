@@ -1,5 +1,7 @@
 //! The trajectory's limits, continuity and derivatives.
 
+#![allow(clippy::unwrap_used)]
+
 mod common;
 
 use common::{rotation, vector, wrench};

@@ -124,13 +124,13 @@ impl TickOutput {
     }
 
     /// Empties it.
-    pub fn clear(&mut self) {
+    pub(super) fn clear(&mut self) {
         self.length = 0;
     }
 
     /// Appends a frame that `encode` writes and returns the length of; one that
     /// does not fit is left out whole.
-    pub fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
+    pub(super) fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
         if let Some(free) = self.buffer.get_mut(self.length..) {
             self.length += encode(free);
         }

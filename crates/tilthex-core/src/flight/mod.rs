@@ -5,8 +5,460 @@
 //! on virtual time and the replay of a log run this same code and get the same
 //! result to the bit.
 
+mod guidance;
 mod io;
 mod record;
+mod rotors;
+mod session;
+mod watch;
 
+pub use guidance::GuidanceParams;
 pub use io::{Command, HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, Route, TickInput, TickOutput};
 pub use record::{LinkCounters, RawInput, Record};
+pub use session::SessionParams;
+pub use watch::WatchParams;
+
+use crate::{
+    Error, Vehicle,
+    admittance::AdmittanceState,
+    controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
+    estimator::{Estimator, EstimatorParams, StartError},
+    link::tk3::Identity,
+    supervisor::{Facts, Fault, Phase, Supervisor},
+    types::{RotorVector, Setpoint},
+};
+use guidance::Guidance;
+use rotors::{RotorModel, modelled_imu};
+use session::Session;
+use watch::Watch;
+
+/// The parts of a flight's configuration.
+#[derive(Clone, Copy, Debug)]
+pub struct FlightParams {
+    /// The vehicle.
+    pub vehicle: Vehicle,
+    /// The control laws.
+    pub controller: ControllerParams,
+    /// The state estimator.
+    pub estimator: EstimatorParams,
+    /// The vehicle's streams.
+    pub session: SessionParams,
+    /// Take-off, bias hover, landing.
+    pub guidance: GuidanceParams,
+    /// Limits whose crossing is a fault.
+    pub watch: WatchParams,
+    /// Take off as soon as everything is ready, without a command.
+    pub take_off: bool,
+}
+
+/// Without inertial samples for longer than this the model stands in, s.
+const IMU_LATE: f64 = 6e-3;
+/// From the lowest speeds to just below hover, s.
+const RAMP: f64 = 3.0;
+/// Speeds at the end of the ramp, as a part of those in hover: the vehicle still stands.
+const RAMP_END: f64 = 0.95;
+/// Periods longer than this are cut for the laws' integrators, s.
+const LONGEST_STEP: f64 = 0.1;
+/// A rotor slower than this stands still, Hz.
+const STANDSTILL: f64 = 5.0;
+/// Share of the weight that the ground must carry, and for how long, s, to be stood on.
+const TOUCHDOWN: (f64, f64) = (0.3, 0.2);
+
+/// A flight, from the first byte to the motors' stop.
+#[derive(Clone, Debug)]
+pub struct Flight {
+    params: FlightParams,
+    controller: Controller,
+    control: ControllerState,
+    estimator: Estimator,
+    start_refused: Option<StartError>,
+    session: Session,
+    guidance: Guidance,
+    route: Option<Route>,
+    watch: Watch,
+    supervisor: Supervisor,
+    rotor_model: RotorModel,
+    min_speeds: RotorVector,
+    max_speeds: RotorVector,
+    command: RotorVector,
+    output: Option<ControllerOutput>,
+    take_off: bool,
+    land: bool,
+    kill: bool,
+    setpoint_refused: bool,
+    not_finite: bool,
+    time: Option<f64>,
+    tick: u64,
+    ramp: f64,
+    on_ground: f64,
+}
+
+impl Flight {
+    /// A flight that has not begun; `route` is flown after take-off, then the vehicle hovers.
+    ///
+    /// # Errors
+    /// The first parameter that a block refuses.
+    pub fn new(params: FlightParams, route: Option<Route>) -> Result<Self, Error> {
+        let vehicle = params.vehicle;
+        let (mut min_speeds, mut max_speeds) = (RotorVector::zeros(), RotorVector::zeros());
+        for (i, rotor) in vehicle.rotors().iter().enumerate() {
+            min_speeds[i] = rotor.min_speed;
+            max_speeds[i] = rotor.max_speed;
+        }
+        Ok(Self {
+            controller: Controller::new(vehicle, params.controller)?,
+            control: ControllerState::default(),
+            estimator: Estimator::new(params.estimator)?,
+            start_refused: None,
+            session: Session::new(params.session, vehicle.rotor_count())?,
+            guidance: Guidance::new(params.guidance),
+            route,
+            watch: Watch::new(params.watch),
+            supervisor: Supervisor::default(),
+            rotor_model: RotorModel::new(&vehicle),
+            min_speeds,
+            max_speeds,
+            command: RotorVector::zeros(),
+            output: None,
+            take_off: params.take_off,
+            land: false,
+            kill: false,
+            setpoint_refused: false,
+            not_finite: false,
+            time: None,
+            tick: 0,
+            ramp: 0.0,
+            on_ground: 0.0,
+            params,
+        })
+    }
+
+    /// The supervisor: phase and faults.
+    #[must_use]
+    pub fn supervisor(&self) -> &Supervisor {
+        &self.supervisor
+    }
+
+    /// Who the vehicle says it is.
+    #[must_use]
+    pub fn identity(&self) -> Option<Identity> {
+        self.session.identity()
+    }
+
+    /// Whether no known vehicle has answered the identity requests.
+    #[must_use]
+    pub fn no_vehicle(&self) -> bool {
+        self.session.refused()
+    }
+
+    /// Why the estimator has not started yet.
+    #[must_use]
+    pub fn start_refused(&self) -> Option<StartError> {
+        self.start_refused
+    }
+
+    /// The state estimator.
+    #[must_use]
+    pub fn estimator(&self) -> &Estimator {
+        &self.estimator
+    }
+
+    /// Whether the route, or the first hover where there is none, has been flown.
+    #[must_use]
+    pub fn mission_done(&self) -> bool {
+        self.route.is_none() && self.guidance.ready() && self.guidance.mission_done()
+    }
+
+    /// Whether take-off and bias hover are over: the mission's time runs.
+    #[must_use]
+    pub fn on_mission(&self) -> bool {
+        self.guidance.ready()
+    }
+
+    /// Whether the vehicle flew, stands again, and its motors have stopped.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.supervisor.landed() && !self.session.any_spinning()
+    }
+
+    /// One tick: reads, estimates, supervises, controls, and says what to send.
+    pub fn tick(&mut self, input: &TickInput<'_>, out: &mut TickOutput) {
+        let now = input.time;
+        let period = self.time.replace(now).map_or(0.0, |last| (now - last).max(0.0));
+        let dt = period.min(LONGEST_STEP);
+        out.clear();
+        self.session.receive(input.bytes, now);
+        self.rotor_model.step(&self.command, dt);
+        let rotor_speeds = self.rotor_model.speeds(self.session.motors(), now);
+        self.estimate(input, &rotor_speeds, dt);
+        self.obey(input.command);
+        self.supervise(input, period, dt);
+        self.control(&rotor_speeds, dt);
+        self.send(now, out);
+        self.record(input, period, &rotor_speeds, out);
+        self.tick += 1;
+    }
+
+    fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
+        let samples = self.session.samples();
+        for s in samples {
+            self.estimator.predict(s.time, &s.gyro_i, &s.specific_force_i);
+        }
+        let late = self.session.imu_age(input.time) > IMU_LATE;
+        if samples.is_empty() && late && self.supervisor.phase().in_flight() {
+            let state = self.estimator.robot_state();
+            let external = self.control.observer.wrench;
+            let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
+            let gyro_i = model.gyro_i + self.estimator.gyro_bias();
+            let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
+            self.estimator.predict(input.time, &gyro_i, &specific_force_i);
+        }
+        for pose in input.poses.iter().take(MAX_POSES) {
+            if self.estimator.is_initialized() {
+                self.estimator.update_pose(pose);
+            } else if pose.tracking_valid && pose.is_finite() {
+                // The reason, until it succeeds, is what the operator is told.
+                self.start_refused =
+                    self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
+            }
+        }
+    }
+
+    fn obey(&mut self, command: Option<&Command>) {
+        self.setpoint_refused = false;
+        match command {
+            None => {}
+            Some(Command::TakeOff) => self.take_off = true,
+            Some(Command::Land) => self.land = true,
+            Some(Command::Kill) => self.kill = true,
+            Some(Command::ZeroBias) => self.guidance.zero_bias(),
+            Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
+            Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
+            Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
+            Some(Command::Play(route)) => {
+                if self.supervisor.phase() == Phase::Flying && self.guidance.ready() {
+                    self.setpoint_refused = !self.guidance.play(route);
+                } else {
+                    self.route = Some(*route);
+                }
+            }
+            Some(Command::Follow(setpoint)) => {
+                self.setpoint_refused = !(self.guidance.ready() && self.guidance.follow(setpoint));
+            }
+        }
+    }
+
+    fn supervise(&mut self, input: &TickInput<'_>, period: f64, dt: f64) {
+        let before = self.supervisor.phase();
+        let mut conditions = self.watch.conditions(
+            &watch::Seen {
+                now: input.time,
+                period,
+                phase: before,
+                session: &self.session,
+                estimator: &self.estimator,
+                output: self.output.as_ref(),
+                wrong_speeds: self.rotor_model.wrong_speeds(self.session.motors(), input.time),
+                host: input.host,
+            },
+            dt,
+        );
+        conditions.insert_if(Fault::Operator, self.land || input.host.land);
+        conditions.insert_if(Fault::SetpointJump, self.setpoint_refused);
+        conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
+        conditions.insert_if(Fault::NotFinite, self.not_finite);
+        let facts = Facts {
+            link_ready: self.session.ready(input.time),
+            estimate_ready: self.estimator.is_initialized(),
+            all_spinning: self.session.all_spinning(),
+            ramp_done: self.ramp >= RAMP,
+            touchdown: self.touchdown(before, dt),
+            take_off: self.take_off,
+            kill: self.kill,
+        };
+        let phase = self.supervisor.step(conditions, &facts, dt);
+        if phase != before {
+            self.change(before, phase);
+        }
+        let waiting = self.guidance.ready() && phase == Phase::Flying;
+        if let Some(route) = self.route.take_if(|_| waiting) {
+            self.setpoint_refused = !self.guidance.play(&route);
+        }
+    }
+
+    /// What a change of phase begins.
+    fn change(&mut self, before: Phase, phase: Phase) {
+        let tool = *self.params.vehicle.tool();
+        let robot = self.estimator.robot_state();
+        match phase {
+            Phase::Starting | Phase::Grounded => self.ramp = 0.0,
+            Phase::Flying if before == Phase::Grounded => {
+                self.control = ControllerState::default();
+                self.guidance.begin_take_off(&robot, &tool);
+            }
+            Phase::Landing => {
+                // From the reference where there is one, so that nothing jumps.
+                let from = self.output.map_or_else(
+                    || {
+                        let p = robot.position_w + robot.rotation_wr * tool.position_r;
+                        Setpoint::hold(p, robot.rotation_wr * tool.rotation_r)
+                    },
+                    |o| o.reference,
+                );
+                self.guidance.begin_landing(&from, &tool);
+                let rest = Setpoint::hold(from.position_w, from.rotation_we);
+                self.control.admittance = AdmittanceState::at(&from, &rest);
+            }
+            Phase::Emergency => self.control.admittance = AdmittanceState::default(),
+            Phase::Disarmed => {
+                self.take_off = self.take_off && !self.supervisor.landed();
+                self.output = None;
+                self.on_ground = 0.0;
+            }
+            Phase::Flying | Phase::Holding => {}
+        }
+    }
+
+    /// Whether the ground has carried its share of the weight for long enough.
+    fn touchdown(&mut self, phase: Phase, dt: f64) -> bool {
+        let (share, time) = TOUCHDOWN;
+        let weight = self.params.vehicle.mass() * crate::GRAVITY;
+        let robot = self.estimator.robot_state();
+        let carried = robot.rotation_wr * -self.control.bias_r.force + self.control.observer.wrench.force;
+        let still = robot.velocity_w.norm() < 0.3;
+        let stands =
+            matches!(phase, Phase::Landing | Phase::Emergency) && carried.z > share * weight && still;
+        self.on_ground = if stands { self.on_ground + dt } else { 0.0 };
+        self.on_ground > time
+    }
+
+    fn control(&mut self, rotor_speeds: &RotorVector, dt: f64) {
+        let phase = self.supervisor.phase();
+        self.not_finite = false;
+        match phase {
+            Phase::Disarmed => self.command = RotorVector::zeros(),
+            Phase::Starting => self.command = self.min_speeds,
+            Phase::Grounded => {
+                self.ramp += dt;
+                let part = (self.ramp / RAMP).min(1.0);
+                let hover = self.params.vehicle.hover_speeds(&self.estimator.robot_state().rotation_wr);
+                let ramped = self.min_speeds + (hover * RAMP_END - self.min_speeds) * part;
+                self.accept(&ramped);
+            }
+            Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
+                let robot = self.estimator.robot_state();
+                let guided = self.guidance.step(phase, &robot, self.params.vehicle.tool(), dt);
+                let input = ControllerInput {
+                    state: robot,
+                    specific_force_r: self.estimator.specific_force_r(),
+                    rotor_speeds: *rotor_speeds,
+                    setpoint: guided.setpoint,
+                    compliant: guided.compliant,
+                    learn_bias: guided.learn_bias,
+                    lost_rotors: self.lost_rotors(),
+                };
+                let output = self.controller.step(&mut self.control, &input, dt);
+                if self.accept(&output.rotor_speeds) {
+                    self.output = Some(output);
+                } else {
+                    // Whatever is not finite must not stay in the memory of the laws.
+                    self.not_finite = true;
+                    let bias_r = self.control.bias_r;
+                    self.control = ControllerState::default();
+                    if bias_r.is_finite() {
+                        self.control.bias_r = bias_r;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
+    fn lost_rotors(&self) -> u16 {
+        let active = self.supervisor.active();
+        let motor_faults = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::MotorWrongSpeed];
+        if !motor_faults.iter().any(|fault| active.contains(*fault)) {
+            return 0;
+        }
+        let lost = |m: &session::Motor| m.emergency || !m.spinning || m.speed.abs() < STANDSTILL;
+        let bits = self.session.motors().iter().enumerate();
+        bits.fold(0, |set, (i, m)| if lost(m) { set | 1 << i } else { set })
+    }
+
+    /// Takes a command that is finite, cut to the rotors' limits; keeps the last one otherwise.
+    fn accept(&mut self, command: &RotorVector) -> bool {
+        let finite = command.iter().all(|w| w.is_finite());
+        if finite {
+            self.command = command.sup(&self.min_speeds).inf(&self.max_speeds);
+        }
+        finite
+    }
+
+    fn send(&mut self, now: f64, out: &mut TickOutput) {
+        let phase = self.supervisor.phase();
+        match phase {
+            Phase::Disarmed => self.session.send_stop(now, out),
+            Phase::Starting => {
+                self.session.send_speeds(&self.command, out);
+                self.session.send_start(now, out);
+            }
+            Phase::Grounded | Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
+                self.session.send_speeds(&self.command, out);
+                if self.supervisor.active().contains(Fault::Reboot) {
+                    self.session.send_start(now, out);
+                }
+            }
+        }
+        self.session.talk(now, out);
+    }
+
+    fn record(&self, input: &TickInput<'_>, period: f64, rotor_speeds: &RotorVector, out: &mut TickOutput) {
+        let mut raw = RawInput { time: input.time, host: input.host, ..Record::default().raw };
+        raw.command = input.command.is_some();
+        for (slot, byte) in raw.bytes.iter_mut().zip(input.bytes) {
+            *slot = *byte;
+        }
+        raw.byte_count = input.bytes.len().min(MAX_BYTES_IN) as u16;
+        for (slot, pose) in raw.poses.iter_mut().zip(input.poses) {
+            *slot = *pose;
+        }
+        raw.pose_count = input.poses.len().min(MAX_POSES) as u8;
+        let mut record = Record { tick: self.tick, dt: period, raw, ..Record::default() };
+        record.phase = self.supervisor.phase();
+        record.faults = self.supervisor.active();
+        let estimator = &self.estimator;
+        record.state = estimator.robot_state();
+        record.gyro_bias_i = estimator.gyro_bias();
+        record.accelerometer_bias_i = estimator.accelerometer_bias();
+        record.specific_force_r = estimator.specific_force_r();
+        let health = estimator.health();
+        record.deviation = [health.position_deviation, health.velocity_deviation, health.rotation_deviation];
+        record.innovation = health.nis;
+        record.pose_age = health.position_age;
+        record.latency = health.latency;
+        if let Some(o) = &self.output {
+            record.setpoint = o.setpoint;
+            record.reference = o.reference;
+            record.wrench_robot = o.wrench_robot;
+            record.wrench_tool_w = o.wrench_tool_w;
+            record.wrench_admittance_w = o.wrench_admittance_w;
+            record.position_error_w = o.pose.position_error_w;
+            record.rotation_error_r = o.pose.rotation_error_r;
+            record.compliant = o.compliant;
+            record.saturated = o.allocation.saturated;
+            record.excursion_limited = o.excursion_limited;
+        }
+        record.rotor_command = self.command;
+        record.rotor_speeds = *rotor_speeds;
+        record.current = self.session.motors().iter().map(|m| m.current).sum();
+        record.battery = self.session.battery().unwrap_or(f64::NAN);
+        record.counters = self.watch.counters(&self.session);
+        record.imu_samples = self.session.samples().len() as u8;
+        record.text = self.session.text();
+        for (slot, byte) in record.sent.iter_mut().zip(out.bytes()) {
+            *slot = *byte;
+        }
+        record.sent_count = out.bytes().len() as u8;
+        out.record = record;
+    }
+}

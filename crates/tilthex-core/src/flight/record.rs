@@ -76,12 +76,14 @@ pub struct Record {
     pub gyro_bias_i: Vector3,
     /// Estimated accelerometer bias, m/s^2, IMU axes.
     pub accelerometer_bias_i: Vector3,
-    /// Deviations of the estimate: position (m), velocity (m/s), rotation (rad), largest axis.
+    /// Deviations of the estimate: position (m), velocity (m/s), rotation (rad); roots of the summed variances.
     pub deviation: [f64; 3],
-    /// Normalised innovation squared of the newest pose.
+    /// Normalised innovation squared of the newest pose, over its degrees of freedom.
     pub innovation: f64,
     /// Age of the newest pose taken, s.
     pub pose_age: f64,
+    /// Mean time from capture to arrival of a pose, s.
+    pub latency: f64,
     /// Specific force at the centre of mass, m/s^2, R.
     pub specific_force_r: Vector3,
     /// What the tool is asked to do.
@@ -155,6 +157,7 @@ impl Default for Record {
             deviation: [0.0; 3],
             innovation: 0.0,
             pose_age: 0.0,
+            latency: 0.0,
             specific_force_r: zero,
             setpoint: hold,
             reference: hold,

@@ -1,0 +1,259 @@
+//! Where the set-point comes from in each phase: take-off, hover, mission, landing.
+
+use super::io::Route;
+use crate::{
+    so3,
+    supervisor::Phase,
+    trajectory::{Limits, Trajectory, Waypoint},
+    types::{Matrix3, RobotState, Setpoint, Vector3, Wrench},
+    vehicle::Mounting,
+};
+
+/// How the vehicle takes off and lands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GuidanceParams {
+    /// Height of the first hover above the start, m.
+    pub take_off_height: f64,
+    /// Time at the first hover in which the wrench bias is learnt, s; 0 leaves it out.
+    pub bias_time: f64,
+    /// Limits of take-off and of the way to a route's first way-point.
+    pub limits: Limits,
+    /// Speed of the descent, m/s.
+    pub landing_speed: f64,
+    /// Streamed set-points may jump by at most this far, m.
+    pub max_setpoint_jump: f64,
+}
+
+/// The mission's clock takes this long to stop and to start again, s.
+const SLOW_DOWN: f64 = 0.5;
+/// How far below the start a landing aims, so that contact is certain, m.
+const LANDING_DEPTH: f64 = 0.5;
+
+/// What is being flown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Ground,
+    TakeOff,
+    Mission,
+    Follow,
+    Land,
+}
+
+/// The source of set-points.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Guidance {
+    params: GuidanceParams,
+    stage: Stage,
+    trajectory: Trajectory,
+    /// Mission time, s, and how fast it passes: 1 flying, 0 holding.
+    time: f64,
+    rate: f64,
+    hover_time: f64,
+    followed: Setpoint,
+    followed_age: f64,
+    wrench_w: Option<Wrench>,
+    start_height: f64,
+}
+
+/// The set-point of a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Guided {
+    /// What the tool is asked to do.
+    pub(super) setpoint: Setpoint,
+    /// Whether contact moves the reference.
+    pub(super) compliant: bool,
+    /// Whether the wrench bias is being learnt.
+    pub(super) learn_bias: bool,
+}
+
+impl Guidance {
+    /// Before the start.
+    #[must_use]
+    pub(super) fn new(params: GuidanceParams) -> Self {
+        let nowhere = Trajectory::hold(Vector3::zeros(), Matrix3::identity());
+        Self {
+            params,
+            stage: Stage::Ground,
+            trajectory: nowhere,
+            time: 0.0,
+            rate: 1.0,
+            hover_time: 0.0,
+            followed: nowhere.sample(0.0),
+            followed_age: 0.0,
+            wrench_w: None,
+            start_height: 0.0,
+        }
+    }
+
+    /// Whether take-off and the bias hover are over.
+    #[must_use]
+    pub(super) fn ready(&self) -> bool {
+        matches!(self.stage, Stage::Mission | Stage::Follow) && self.hover_time >= self.params.bias_time
+    }
+
+    /// Whether the mission's trajectory has ended.
+    #[must_use]
+    pub(super) fn mission_done(&self) -> bool {
+        self.stage == Stage::Mission && self.time >= self.trajectory.duration()
+    }
+
+    /// Whether streamed set-points have stopped.
+    #[must_use]
+    pub(super) fn stale(&self) -> bool {
+        self.stage == Stage::Follow && self.followed_age > 0.2
+    }
+
+    /// From the ground, straight up and level, heading kept.
+    pub(super) fn begin_take_off(&mut self, robot: &RobotState, tool: &Mounting) {
+        self.start_height = robot.position_w.z;
+        let level = level(&robot.rotation_wr);
+        let here = tool_waypoint(robot.position_w, &level, tool);
+        let up = Vector3::new(0.0, 0.0, self.params.take_off_height);
+        let above = tool_waypoint(robot.position_w + up, &level, tool);
+        self.fly(here, &[above], &self.params.limits.clone());
+        self.stage = Stage::TakeOff;
+        self.hover_time = 0.0;
+    }
+
+    /// Straight down, turning level on the way, from a reference of the tool.
+    pub(super) fn begin_landing(&mut self, from: &Setpoint, tool: &Mounting) {
+        let rotation_wr = from.rotation_we * tool.rotation_r.transpose();
+        let robot_w = from.position_w - rotation_wr * tool.position_r;
+        let down = Vector3::new(robot_w.x, robot_w.y, self.start_height - LANDING_DEPTH);
+        let start = Waypoint {
+            position_w: from.position_w,
+            rotation_we: from.rotation_we,
+            ..tool_waypoint(down, &rotation_wr, tool)
+        };
+        let end = tool_waypoint(down, &level(&rotation_wr), tool);
+        let limits = Limits { velocity: self.params.landing_speed, ..self.params.limits };
+        self.fly(start, &[end], &limits);
+        self.stage = Stage::Land;
+        self.wrench_w = None;
+    }
+
+    /// Flies a route from the present set-point. False where it can not be.
+    pub(super) fn play(&mut self, route: &Route) -> bool {
+        let now = self.sample();
+        let from = Waypoint {
+            position_w: now.position_w,
+            rotation_we: now.rotation_we,
+            wrench_w: now.wrench_w,
+            duration: 0.0,
+            hold: 0.0,
+        };
+        match Trajectory::new(from, route.waypoints(), route.limits()) {
+            Ok(trajectory) => {
+                self.trajectory = trajectory;
+                self.time = 0.0;
+                self.stage = Stage::Mission;
+                true
+            }
+            Err(_) => false,
+        }
+    }
+
+    /// Takes a streamed set-point. False, and the last one held, where it is
+    /// not finite, no rotation, or too far from the last.
+    pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
+        let last = self.sample();
+        let near = (setpoint.position_w - last.position_w).norm() <= self.params.max_setpoint_jump;
+        let good =
+            setpoint.is_finite() && near && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        if good {
+            self.followed = *setpoint;
+            self.followed_age = 0.0;
+            self.stage = Stage::Follow;
+        }
+        good
+    }
+
+    /// The wrench to exert in place of the trajectory's.
+    pub(super) fn set_wrench(&mut self, wrench_w: Option<Wrench>) {
+        self.wrench_w = wrench_w;
+    }
+
+    /// Learns the bias once more.
+    pub(super) fn zero_bias(&mut self) {
+        self.hover_time = 0.0;
+    }
+
+    /// The set-point of this tick.
+    pub(super) fn step(&mut self, phase: Phase, robot: &RobotState, tool: &Mounting, dt: f64) -> Guided {
+        let stopped = phase == Phase::Holding;
+        let change = dt / SLOW_DOWN;
+        let rate = if stopped { self.rate - change } else { self.rate + change };
+        let rate = rate.clamp(0.0, 1.0);
+        let rate_change = if dt > 0.0 { (rate - self.rate) / dt } else { 0.0 };
+        self.rate = rate;
+        self.time += rate * dt;
+        self.followed_age += dt;
+        if self.stage == Stage::TakeOff && self.time >= self.trajectory.duration() {
+            self.stage = Stage::Mission;
+        }
+        if phase == Phase::Emergency {
+            return Guided { setpoint: self.descend(robot, tool), compliant: false, learn_bias: false };
+        }
+        let mut setpoint = self.sample();
+        // A clock that runs at `rate` scales velocities, and its change adds to the acceleration.
+        if self.stage != Stage::Follow {
+            let (v, w) = (setpoint.velocity_w, setpoint.angular_velocity_w);
+            setpoint.acceleration_w = setpoint.acceleration_w * (rate * rate) + v * rate_change;
+            setpoint.angular_acceleration_w =
+                setpoint.angular_acceleration_w * (rate * rate) + w * rate_change;
+            setpoint.velocity_w = v * rate;
+            setpoint.angular_velocity_w = w * rate;
+        }
+        let hovering = self.stage == Stage::Mission && phase == Phase::Flying;
+        let learn_bias = hovering && self.hover_time < self.params.bias_time;
+        if hovering {
+            self.hover_time += dt;
+        }
+        let compliant = matches!(self.stage, Stage::Mission | Stage::Follow) && !learn_bias;
+        Guided { setpoint, compliant, learn_bias }
+    }
+
+    fn sample(&self) -> Setpoint {
+        let mut setpoint = match self.stage {
+            Stage::Follow if self.stale() => {
+                Setpoint::hold(self.followed.position_w, self.followed.rotation_we)
+            }
+            Stage::Follow => self.followed,
+            _ => self.trajectory.sample(self.time),
+        };
+        if let Some(wrench_w) = self.wrench_w {
+            setpoint.wrench_w = wrench_w;
+        }
+        setpoint
+    }
+
+    /// Level where it is, sinking: no position is asked for.
+    fn descend(&self, robot: &RobotState, tool: &Mounting) -> Setpoint {
+        let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
+        let sinking = Vector3::new(0.0, 0.0, -self.params.landing_speed);
+        Setpoint { velocity_w: sinking, ..Setpoint::hold(w.position_w, w.rotation_we) }
+    }
+
+    fn fly(&mut self, from: Waypoint, way: &[Waypoint], limits: &Limits) {
+        // Way-points from a finite state and validated limits; otherwise stay.
+        self.trajectory = Trajectory::new(from, way, limits)
+            .unwrap_or_else(|_| Trajectory::hold(from.position_w, from.rotation_we));
+        self.time = 0.0;
+        self.rate = 1.0;
+    }
+}
+
+/// The same heading, level: body x stays in its vertical plane.
+fn level(rotation_wr: &Matrix3) -> Matrix3 {
+    so3::rot_z(libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)]))
+}
+
+fn tool_waypoint(position_w: Vector3, rotation_wr: &Matrix3, tool: &Mounting) -> Waypoint {
+    Waypoint {
+        position_w: position_w + rotation_wr * tool.position_r,
+        rotation_we: rotation_wr * tool.rotation_r,
+        wrench_w: Wrench::ZERO,
+        duration: 0.0,
+        hold: 0.0,
+    }
+}

@@ -1,0 +1,213 @@
+//! The eyes of the supervisor: which fault conditions hold in this tick.
+
+use super::{io::HostFacts, record::LinkCounters, session::Session};
+use crate::{
+    controller::ControllerOutput,
+    estimator::{Estimator, Health},
+    so3,
+    supervisor::{Fault, FaultSet, Phase},
+};
+
+/// Limits whose crossing is a fault (`supervisor::TABLE` says what follows).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WatchParams {
+    /// Land below this battery voltage, V; 0 for none.
+    pub battery_low: f64,
+    /// Critical battery voltage, V.
+    pub battery_critical: f64,
+    /// Largest position error, m.
+    pub max_position_error: f64,
+    /// Largest rotation error, norm of e_R.
+    pub max_rotation_error: f64,
+    /// Largest tilt, rad.
+    pub max_tilt: f64,
+    /// Largest speed, m/s.
+    pub max_speed: f64,
+    /// Largest estimated tool force, N.
+    pub max_force: f64,
+    /// Largest estimated tool torque, N m.
+    pub max_torque: f64,
+    /// Longest time from the first start command to the last motor's spinning, s.
+    pub start_timeout: f64,
+}
+
+/// What is looked at.
+pub(super) struct Seen<'a> {
+    /// Now, s.
+    pub(super) now: f64,
+    /// Time since the last tick, s.
+    pub(super) period: f64,
+    /// Phase before this tick.
+    pub(super) phase: Phase,
+    /// The link.
+    pub(super) session: &'a Session,
+    /// The estimator.
+    pub(super) estimator: &'a Estimator,
+    /// The last tick's controller output.
+    pub(super) output: Option<&'a ControllerOutput>,
+    /// Motors measured far from the model.
+    pub(super) wrong_speeds: usize,
+    /// What only the host can see.
+    pub(super) host: HostFacts,
+}
+
+/// Mean normalised innovation squared above which model and measurement disagree; 1 is agreement.
+const MAX_INCONSISTENCY: f64 = 4.0;
+/// Deviation of the position above which it is given up, m.
+const MAX_POSITION_DEVIATION: f64 = 0.5;
+
+/// Poses by what became of them.
+#[derive(Clone, Copy, Debug, Default)]
+struct Poses {
+    taken: u32,
+    refused: u32,
+}
+
+impl Poses {
+    fn of(health: &Health) -> Self {
+        let c = &health.counts;
+        Self {
+            taken: c.accepted.saturating_add(c.position_only),
+            refused: c.rejected.saturating_add(c.too_old).saturating_add(c.invalid),
+        }
+    }
+}
+
+/// What must be remembered between ticks to see a fault.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Watch {
+    params: WatchParams,
+    poses: Poses,
+    refused_in_a_row: u32,
+    starting: f64,
+    messages: u32,
+    refused: u32,
+    garbage: f64,
+}
+
+impl Watch {
+    /// Nothing seen yet.
+    #[must_use]
+    pub(super) fn new(params: WatchParams) -> Self {
+        Self {
+            params,
+            poses: Poses::default(),
+            refused_in_a_row: 0,
+            starting: 0.0,
+            messages: 0,
+            refused: 0,
+            garbage: 0.0,
+        }
+    }
+
+    /// Counters for the log.
+    #[must_use]
+    pub(super) fn counters(&self, session: &Session) -> LinkCounters {
+        let c = session.counters();
+        LinkCounters {
+            messages: c.messages,
+            refused_frames: c.refused(),
+            refused_samples: session.refused_samples(),
+            lost_samples: session.lost_samples(),
+            poses: self.poses.taken,
+            refused_poses: self.poses.refused,
+        }
+    }
+
+    /// The conditions that hold now.
+    pub(super) fn conditions(&mut self, seen: &Seen<'_>, dt: f64) -> FaultSet {
+        let mut set = FaultSet::NONE;
+        self.link(seen, dt, &mut set);
+        self.motors(seen, dt, &mut set);
+        self.estimate(seen, &mut set);
+        self.motion(seen, &mut set);
+        set.insert_if(Fault::Overrun, seen.period > 0.010);
+        set.insert_if(Fault::OverrunLong, seen.period > 0.100);
+        set.insert_if(Fault::LogLost, seen.host.log_lost);
+        set
+    }
+
+    fn link(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
+        let s = seen.session;
+        let known = s.identity().is_some();
+        let age = s.imu_age(seen.now);
+        set.insert_if(Fault::ImuLate, known && age > 0.006);
+        set.insert_if(Fault::ImuSilent, known && age > 0.050);
+        set.insert_if(Fault::ImuFrozen, s.frozen());
+        set.insert_if(Fault::ImuSaturated, s.saturated());
+        set.insert_if(Fault::ImuOutOfRange, s.refused_now());
+        set.insert_if(Fault::Reboot, s.rebooted());
+        let silent = known && s.silence(seen.now) > 1.0;
+        set.insert_if(Fault::LinkLost, seen.host.link_lost || silent);
+        // A leaky count: a tenth of the frames refused keeps it full.
+        let c = s.counters();
+        let bad = c.refused().wrapping_sub(self.refused);
+        let good = c.messages.wrapping_sub(self.messages);
+        (self.refused, self.messages) = (c.refused(), c.messages);
+        self.garbage = (self.garbage + f64::from(bad) - 0.1 * f64::from(good) - dt).clamp(0.0, 40.0);
+        set.insert_if(Fault::LinkGarbage, self.garbage > 20.0);
+        let p = &self.params;
+        let below = |limit: f64| s.battery().is_some_and(|v| v < limit);
+        set.insert_if(Fault::BatteryLow, below(p.battery_low));
+        set.insert_if(Fault::BatteryCritical, below(p.battery_critical));
+    }
+
+    fn motors(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
+        let s = seen.session;
+        let running = seen.phase == Phase::Grounded || seen.phase.in_flight();
+        let age = s.motor_age(seen.now);
+        let known = s.identity().is_some();
+        set.insert_if(Fault::MotorsStale, known && age > super::rotors::STALE);
+        set.insert_if(Fault::MotorsSilent, known && age > 1.0);
+        // Before the start the bit is cleared by the start command itself.
+        set.insert_if(Fault::MotorEmergency, running && s.motors().iter().any(|m| m.emergency));
+        set.insert_if(Fault::MotorNotSpinning, running && !s.all_spinning());
+        set.insert_if(Fault::MotorWrongSpeed, running && seen.wrong_speeds > 0);
+        let half = s.motors().len().div_ceil(2);
+        set.insert_if(Fault::CommandNotFollowed, running && seen.wrong_speeds >= half);
+        self.starting = if seen.phase == Phase::Starting { self.starting + dt } else { 0.0 };
+        set.insert_if(Fault::StartTimeout, self.starting > self.params.start_timeout);
+    }
+
+    fn estimate(&mut self, seen: &Seen<'_>, set: &mut FaultSet) {
+        if !seen.estimator.is_initialized() {
+            return;
+        }
+        let health = seen.estimator.health();
+        let poses = Poses::of(&health);
+        if poses.taken != self.poses.taken {
+            self.refused_in_a_row = 0;
+        }
+        let refused = poses.refused.wrapping_sub(self.poses.refused);
+        self.refused_in_a_row = self.refused_in_a_row.saturating_add(refused);
+        self.poses = poses;
+        let age = health.position_age;
+        set.insert_if(Fault::PoseLate, age > 0.05);
+        set.insert_if(Fault::PoseLost, age > 0.1);
+        set.insert_if(Fault::PoseLostLong, age > 0.5);
+        set.insert_if(Fault::PoseLostForGood, age > 2.0);
+        set.insert_if(Fault::PoseJumping, self.refused_in_a_row >= 5);
+        set.insert_if(Fault::EstimateInconsistent, health.nis_mean > MAX_INCONSISTENCY);
+        // A NaN is uncertain too.
+        let certain = health.position_deviation <= MAX_POSITION_DEVIATION;
+        set.insert_if(Fault::EstimateUncertain, !certain);
+    }
+
+    fn motion(&mut self, seen: &Seen<'_>, set: &mut FaultSet) {
+        let p = &self.params;
+        let state = seen.estimator.robot_state();
+        if seen.phase.in_flight() {
+            set.insert_if(Fault::Tilt, so3::tilt(&state.rotation_wr) > p.max_tilt);
+            set.insert_if(Fault::Speed, state.velocity_w.norm() > p.max_speed);
+        }
+        if let Some(o) = seen.output.filter(|_| seen.phase.in_flight()) {
+            let position = o.pose.position_error_w.norm() > p.max_position_error;
+            let rotation = o.pose.rotation_error_r.norm() > p.max_rotation_error;
+            set.insert_if(Fault::TrackingError, position || rotation);
+            set.insert_if(Fault::Excursion, o.excursion_limited);
+            let force = o.wrench_tool_w.force.norm() > p.max_force;
+            set.insert_if(Fault::WrenchLimit, force || o.wrench_tool_w.torque.norm() > p.max_torque);
+            set.insert_if(Fault::SetpointInfeasible, o.allocation.saturated);
+        }
+    }
+}
