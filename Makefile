@@ -1,0 +1,56 @@
+# What a person types. Needs cargo, Python 3.10+ and make, nothing else.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+export PATH := $(CURDIR)/$(BIN):$(PATH)
+
+.PHONY: help demo test lint rust-test python-test bench bench-rt campaign clean
+
+help:
+	@echo "make demo      fly the simulated Tilt-Hex, push its tool, print a summary"
+	@echo "make test      everything: lints, Rust and Python tests, stubs"
+	@echo "make bench     speed, as ratios against NumPy in the same run"
+	@echo "make bench-rt  the loop's timing on this machine"
+	@echo "make campaign  the fault campaign"
+	@echo "make clean     remove what was built"
+
+demo:
+	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- --sim --duration 20
+
+test: lint rust-test python-test
+
+# Reinstalled on every run: cargo and maturin build only what has changed.
+$(BIN)/pip:
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --upgrade pip
+
+.PHONY: install
+install: $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check '.[test]'
+
+lint: install
+	cargo fmt --all --check
+	cargo clippy --workspace --all-targets --locked --quiet -- -D warnings
+	ruff check .
+	ruff format --check .
+	mypy
+	cd tests && python -m mypy.stubtest --concise tilthex._core
+
+rust-test:
+	cargo test --workspace --locked --quiet
+
+python-test: install
+	python -m pytest
+
+bench: install
+	python -m benchmarks
+
+bench-rt:
+	cargo bench --locked -p tilthex-rt
+
+campaign:
+	cargo test --release --locked -p tilthex-rt --test campaign -- --ignored --nocapture
+
+clean:
+	cargo clean
+	rm -rf $(VENV) dist out

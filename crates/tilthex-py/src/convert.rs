@@ -1,0 +1,165 @@
+//! Arrays in and out. What comes in is refused with one sentence that names
+//! the argument, what was expected and what came.
+
+use nalgebra::{SMatrix, SVector};
+use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::{PyBool, PyDict};
+use tilthex_core::{Error, Matrix3, RotorVector, Wrench, so3};
+use tilthex_rt::config::ConfigError;
+use toml::{Table, Value};
+
+/// `ValueError` with the core's own sentence.
+pub(crate) fn value_error(error: Error) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// `ValueError` with the configuration's own sentence.
+pub(crate) fn config_error(error: ConfigError) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// A shape as Python prints it.
+fn shape_text(shape: &[usize]) -> String {
+    match shape {
+        [n] => format!("({n},)"),
+        _ => format!("({})", shape.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")),
+    }
+}
+
+/// Any array-like as a float64 array; arrays of float64 are taken as they are.
+fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+    if let Ok(array) = object.cast::<PyArrayDyn<f64>>() {
+        return Ok(array.clone());
+    }
+    static ASARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
+    let py = object.py();
+    let asarray = ASARRAY.import(py, "numpy", "asarray")?;
+    let found = asarray.call1((object, "float64")).map_err(|_| {
+        let kind = object.get_type().name().map_or_else(|_| "an object".into(), |n| n.to_string());
+        PyValueError::new_err(format!("{name} is a {kind}; expected an array of numbers"))
+    })?;
+    Ok(found.cast_into::<PyArrayDyn<f64>>()?)
+}
+
+/// The numbers of an array of exactly this shape, row by row, written to `out`.
+fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f64]) -> PyResult<()> {
+    let array = float_array(name, object)?;
+    let shape = array.shape();
+    if shape != expected {
+        let (found, expected) = (shape_text(shape), shape_text(expected));
+        return Err(PyValueError::new_err(format!("{name} has shape {found}; expected {expected}")));
+    }
+    let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
+    for (to, from) in out.iter_mut().zip(view.as_array().iter()) {
+        *to = *from;
+    }
+    if out.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(not_finite(name, out)) }
+}
+
+fn not_finite(name: &str, values: &[f64]) -> PyErr {
+    let worst = values.iter().find(|x| !x.is_finite()).copied().unwrap_or(f64::NAN);
+    PyValueError::new_err(format!("{name} holds {worst}; expected finite numbers"))
+}
+
+/// `N` finite numbers.
+pub(crate) fn vector<const N: usize>(name: &str, object: &Bound<'_, PyAny>) -> PyResult<SVector<f64, N>> {
+    let mut out = SVector::<f64, N>::zeros();
+    read(name, object, &[N], out.as_mut_slice())?;
+    Ok(out)
+}
+
+/// An `R` by `C` matrix of finite numbers.
+pub(crate) fn matrix<const R: usize, const C: usize>(
+    name: &str,
+    object: &Bound<'_, PyAny>,
+) -> PyResult<SMatrix<f64, R, C>> {
+    // Read row by row into the transpose, whose columns they are.
+    let mut rows = SMatrix::<f64, C, R>::zeros();
+    read(name, object, &[R, C], rows.as_mut_slice())?;
+    Ok(rows.transpose())
+}
+
+/// A rotation matrix.
+pub(crate) fn rotation(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Matrix3> {
+    let r = matrix::<3, 3>(name, object)?;
+    let defect = so3::rotation_defect(&r);
+    if defect > 1e-6 {
+        return Err(PyValueError::new_err(format!(
+            "{name} is {defect:.1e} away from a rotation; expected an orthonormal 3x3 matrix with determinant +1"
+        )));
+    }
+    Ok(r)
+}
+
+/// A wrench (force, torque) given as six numbers.
+pub(crate) fn wrench(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Wrench> {
+    Ok(Wrench::from_vector(&vector::<6>(name, object)?))
+}
+
+/// One finite number a rotor.
+pub(crate) fn rotors(name: &str, object: &Bound<'_, PyAny>, count: usize) -> PyResult<RotorVector> {
+    let mut out = RotorVector::zeros();
+    read(name, object, &[count], &mut out.as_mut_slice()[..count])?;
+    Ok(out)
+}
+
+/// A finite number within `min..=max`.
+pub(crate) fn number(name: &str, value: f64, min: f64, max: f64) -> PyResult<f64> {
+    if value.is_nan() || value < min || value > max {
+        let message = format!("{name} is {value}; expected a number from {min} to {max}");
+        return Err(PyValueError::new_err(message));
+    }
+    Ok(value)
+}
+
+/// A dict as a TOML table.
+pub(crate) fn table(name: &str, dict: &Bound<'_, PyDict>) -> PyResult<Table> {
+    dict.iter()
+        .map(|(key, value)| {
+            let key: String = key.extract()?;
+            let value = toml_value(&format!("{name}[{key:?}]"), &value)?;
+            Ok((key, value))
+        })
+        .collect()
+}
+
+fn toml_value(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if let Ok(dict) = object.cast::<PyDict>() {
+        table(name, dict).map(Value::Table)
+    } else if let Ok(flag) = object.cast::<PyBool>() {
+        Ok(Value::Boolean(flag.is_true()))
+    } else if let Ok(text) = object.extract() {
+        Ok(Value::String(text))
+    } else if let Ok(whole) = object.extract() {
+        Ok(Value::Integer(whole))
+    } else if let Ok(number) = object.extract() {
+        Ok(Value::Float(number))
+    } else if let Ok(items) = object.try_iter() {
+        items.map(|item| toml_value(name, &item?)).collect::<PyResult<_>>().map(Value::Array)
+    } else {
+        let kind = object.get_type().name()?;
+        let message = format!("{name} is a {kind}; expected a number, a text, a list or a dict");
+        Err(PyTypeError::new_err(message))
+    }
+}
+
+/// A new 1-D array.
+pub(crate) fn array1<'py>(py: Python<'py>, values: &[f64]) -> Bound<'py, PyArray1<f64>> {
+    PyArray1::from_slice(py, values)
+}
+
+/// A new 2-D array.
+pub(crate) fn array2<'py, const R: usize, const C: usize>(
+    py: Python<'py>,
+    m: &SMatrix<f64, R, C>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    array1(py, m.transpose().as_slice()).reshape([R, C])
+}
+
+/// The six numbers of a wrench.
+pub(crate) fn wrench_array<'py>(py: Python<'py>, w: &Wrench) -> Bound<'py, PyArray1<f64>> {
+    array1(py, w.to_vector().as_slice())
+}

@@ -1,0 +1,139 @@
+//! `tilthex.Vehicle`.
+
+use crate::convert::{self, array1, array2};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::{Path, PathBuf};
+use tilthex_core::Matrix3;
+use tilthex_rt::config::{PRESETS, VehicleSection};
+
+/// A validated vehicle: mass, rotors, tool and IMU; (3)-(10).
+#[pyclass(frozen, module = "tilthex", from_py_object)]
+#[derive(Clone)]
+pub(crate) struct Vehicle {
+    pub(crate) section: VehicleSection,
+}
+
+impl Vehicle {
+    pub(crate) fn core(&self) -> &tilthex_core::Vehicle {
+        self.section.vehicle()
+    }
+}
+
+#[pymethods]
+impl Vehicle {
+    /// The vehicle of that name; `Vehicle.presets()` lists them.
+    #[staticmethod]
+    fn preset(name: &str) -> PyResult<Self> {
+        Ok(Self { section: VehicleSection::preset(name).map_err(convert::config_error)? })
+    }
+
+    /// The names of the presets.
+    #[staticmethod]
+    fn presets() -> Vec<&'static str> {
+        PRESETS.iter().map(|p| p.0).collect()
+    }
+
+    /// The vehicle in the `[vehicle]` section of a TOML file.
+    #[staticmethod]
+    fn from_toml(path: PathBuf) -> PyResult<Self> {
+        Ok(Self { section: VehicleSection::from_file(&path).map_err(convert::config_error)? })
+    }
+
+    /// The vehicle of a dict with the keys of a TOML file's `[vehicle]` section.
+    #[staticmethod]
+    fn from_dict(keys: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let table = convert::table("keys", keys)?;
+        Ok(Self { section: VehicleSection::from_table(table, Path::new("")).map_err(convert::config_error)? })
+    }
+
+    /// What it is called.
+    #[getter]
+    fn name(&self) -> &str {
+        self.section.name()
+    }
+
+    /// Mass of vehicle and tool, kg.
+    #[getter]
+    fn mass(&self) -> f64 {
+        self.core().mass()
+    }
+
+    /// Inertia about the centre of mass, robot frame, kg m^2, (3, 3).
+    #[getter]
+    fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, self.core().inertia())
+    }
+
+    /// Allocation matrix, (6, n): body wrench = A u with u = w |w|, w in Hz; (8)-(9).
+    #[getter]
+    fn allocation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let count = self.core().rotor_count();
+        let rows = self.core().allocation().row_iter();
+        let numbers: Vec<f64> =
+            rows.flat_map(|row| row.iter().take(count).copied().collect::<Vec<_>>()).collect();
+        array1(py, &numbers).reshape([6, count])
+    }
+
+    /// Tool tip from the centre of mass, robot frame, m, (3,).
+    #[getter]
+    fn tool_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.core().tool().position_r.as_slice())
+    }
+
+    /// Maps tool coordinates to robot coordinates, (3, 3).
+    #[getter]
+    fn tool_rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.core().tool().rotation_r)
+    }
+
+    /// IMU from the centre of mass, robot frame, m, (3,).
+    #[getter]
+    fn imu_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.core().imu().position_r.as_slice())
+    }
+
+    /// Maps IMU coordinates to robot coordinates, (3, 3).
+    #[getter]
+    fn imu_rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.core().imu().rotation_r)
+    }
+
+    /// Number of rotors, n.
+    #[getter]
+    fn rotor_count(&self) -> usize {
+        self.core().rotor_count()
+    }
+
+    /// Lowest and highest speed of each rotor, Hz, (n, 2).
+    #[getter]
+    fn rotor_speed_limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let rotors = self.core().rotors();
+        let limits: Vec<f64> = rotors.iter().flat_map(|r| [r.min_speed, r.max_speed]).collect();
+        array1(py, &limits).reshape([rotors.len(), 2])
+    }
+
+    /// Time constant of the rotor speed's first-order lag, s.
+    #[getter]
+    fn rotor_time_constant(&self) -> f64 {
+        self.core().rotor_time_constant()
+    }
+
+    /// Rotor speeds, Hz, (n,), that hold the vehicle still at an orientation
+    /// `R_WR` without contact, before any limit.
+    #[pyo3(signature = (rotation=None))]
+    fn hover_speeds<'py>(
+        &self,
+        py: Python<'py>,
+        rotation: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let r = rotation.map_or(Ok(Matrix3::identity()), |r| convert::rotation("rotation", r))?;
+        Ok(array1(py, &self.core().hover_speeds(&r).as_slice()[..self.core().rotor_count()]))
+    }
+
+    fn __repr__(&self) -> String {
+        let v = self.core();
+        format!("Vehicle('{}', mass={} kg, {} rotors)", self.name(), v.mass(), v.rotor_count())
+    }
+}

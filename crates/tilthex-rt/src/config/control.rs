@@ -1,0 +1,146 @@
+//! The sections of the controller's blocks.
+
+use super::{
+    section::{self, ConfigError, Section, section},
+    values::{Axes, Square},
+};
+use tilthex_core::{
+    Vehicle,
+    admittance::{AdmittanceFilter, AdmittanceParams},
+    allocation::{Allocator, AllocatorParams, Priority},
+    controller::{Controller, ControllerParams},
+    pose_control::{PoseController, PoseGains},
+    wrench_observer::{ObserverGains, WrenchObserver},
+};
+
+section! {
+    /// The pose controller, (14) and (17). Each gain: one number, or one an axis.
+    pub PoseControlSection as "pose_control" {
+        /// K_p2, on the position error, world axes, 1/s^2.
+        position_gain: Axes<3> = Axes([100.0; 3]),
+        /// K_p1, on the velocity error, world axes, 1/s.
+        velocity_gain: Axes<3> = Axes([20.0; 3]),
+        /// K_R2, on the rotation error, robot axes, 1/s^2.
+        rotation_gain: Axes<3> = Axes([225.0; 3]),
+        /// K_R1, on the angular velocity error, robot axes, 1/s.
+        angular_velocity_gain: Axes<3> = Axes([30.0; 3]),
+    }
+}
+
+section! {
+    /// The wrench observer, (19) and (21). Each gain: one number, or one an axis.
+    pub WrenchObserverSection as "wrench_observer" {
+        /// L: rate at which the force estimate follows, world axes, 1/s.
+        force_gain: Axes<3> = Axes([20.0; 3]),
+        /// K_I: rate at which the torque estimate follows, robot axes, 1/s.
+        torque_gain: Axes<3> = Axes([20.0; 3]),
+    }
+}
+
+section! {
+    /// The admittance filter at the tool, (27), world axes, translation before
+    /// rotation. Each matrix: its six diagonal numbers, or 6x6.
+    pub AdmittanceSection as "admittance" {
+        /// M_E, kg and kg m^2.
+        mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]),
+        /// D_E, N s/m and N m s/rad.
+        damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]),
+        /// K_E, N/m and N m/rad.
+        stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]),
+        /// Tool forces up to this do not move the reference, N.
+        force_dead_zone: f64 = 0.2,
+        /// Tool torques up to this do not turn the reference, N m.
+        torque_dead_zone: f64 = 0.2,
+        /// Cut-off of the low-pass before the dead zones, Hz; 0 for none.
+        low_pass_hz: f64 = 10.0,
+        /// Farthest the reference yields from the set-point, m.
+        max_translation: f64 = 1.0,
+        /// Farthest the reference turns from the set-point, degrees.
+        max_rotation_deg: f64 = 60.0,
+    }
+}
+
+section! {
+    /// The allocation of the wanted wrench to the rotors within their limits, (12).
+    pub AllocationSection as "allocation" {
+        /// What is kept longest where the limits do not let all be had, most important first.
+        order: Vec<String> = Priority::ORDER.map(|p| p.name().into()).to_vec(),
+        /// Speeds are limited to what the rotors' lag lets them reach within this time, s; 0 for no such limit.
+        horizon: f64 = 0.0,
+    }
+}
+
+impl PoseControlSection {
+    fn gains(&self) -> PoseGains {
+        PoseGains {
+            position: self.position_gain.vector(),
+            velocity: self.velocity_gain.vector(),
+            rotation: self.rotation_gain.vector(),
+            angular_velocity: self.angular_velocity_gain.vector(),
+        }
+    }
+}
+
+impl WrenchObserverSection {
+    fn gains(&self) -> ObserverGains {
+        ObserverGains { force: self.force_gain.vector(), torque: self.torque_gain.vector() }
+    }
+}
+
+impl AdmittanceSection {
+    fn params(&self) -> AdmittanceParams {
+        AdmittanceParams {
+            mass: self.mass.0,
+            damping: self.damping.0,
+            stiffness: self.stiffness.0,
+            max_translation: self.max_translation,
+            max_rotation: self.max_rotation_deg.to_radians(),
+        }
+    }
+}
+
+impl AllocationSection {
+    fn params(&self) -> Result<AllocatorParams, ConfigError> {
+        let count = Priority::ORDER.len();
+        let place = format!("[{}] order", Self::NAME);
+        let parts = self.order.iter().map(|name| {
+            let known = Priority::ORDER.iter().map(|p| p.name());
+            section::check_known("part", name, known).map_err(|e| e.within(&place))?;
+            Priority::from_name(name).ok_or_else(|| ConfigError::new(name.as_str()))
+        });
+        let parts = parts.collect::<Result<Vec<_>, _>>()?;
+        let order = parts.try_into().map_err(|parts: Vec<_>| {
+            ConfigError::new(format!("{place}: found {} parts, expected each of {count} once", parts.len()))
+        })?;
+        Ok(AllocatorParams { order, horizon: self.horizon })
+    }
+}
+
+/// The controller's parameters, checked block by block so that an error names its section.
+pub(super) fn controller_params(
+    vehicle: &Vehicle,
+    pose: &PoseControlSection,
+    observer: &WrenchObserverSection,
+    admittance: &AdmittanceSection,
+    allocation: &AllocationSection,
+) -> Result<ControllerParams, ConfigError> {
+    fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
+        ConfigError::from(error).within(format_args!("[{}]", S::NAME))
+    }
+    let params = ControllerParams {
+        pose: pose.gains(),
+        observer: observer.gains(),
+        admittance: admittance.params(),
+        force_dead_zone: admittance.force_dead_zone,
+        torque_dead_zone: admittance.torque_dead_zone,
+        low_pass_hz: admittance.low_pass_hz,
+        allocation: allocation.params()?,
+    };
+    PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
+    WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
+    AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
+    Allocator::new(vehicle).with_params(params.allocation).map_err(within::<AllocationSection>)?;
+    // What is left to refuse is the filter and the dead zones.
+    Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
+    Ok(params)
+}

@@ -1,0 +1,75 @@
+"""PEP 517 backend: maturin, plus the two Rust programs in the wheel's scripts.
+
+maturin packs either a library or programs, not both. What lies in the folder
+that `[tool.maturin] data` names goes into the wheel as it is; so this backend
+builds the programs into `scripts` there and leaves the rest to maturin.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import maturin
+
+get_requires_for_build_wheel = maturin.get_requires_for_build_wheel
+get_requires_for_build_editable = maturin.get_requires_for_build_editable
+get_requires_for_build_sdist = maturin.get_requires_for_build_sdist
+
+ROOT = Path(__file__).resolve().parent.parent
+DATA = ROOT / "target" / "wheel-data"
+PROGRAMS = ("tilthex-rt", "tilthex-sim")
+
+
+def _build_programs() -> None:
+    """Builds the programs and leaves them, and nothing else, in DATA/scripts."""
+    scripts = DATA / "scripts"
+    shutil.rmtree(scripts, ignore_errors=True)
+    scripts.mkdir(parents=True)
+    command = [os.environ.get("CARGO", "cargo"), "build", "--release", "--bins", "-p", "tilthex-rt"]
+    command += ["--message-format=json-render-diagnostics"]
+    build = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
+    for message in map(json.loads, build.stdout.splitlines()):
+        executable = message.get("executable")
+        if executable and message["target"]["name"] in PROGRAMS:
+            shutil.copy2(executable, scripts)
+
+
+def _ensure_data() -> None:
+    """maturin refuses even to write metadata while the data folder is missing."""
+    DATA.mkdir(parents=True, exist_ok=True)
+
+
+def prepare_metadata_for_build_wheel(directory: str, settings: dict[str, Any] | None = None) -> str:
+    """The wheel's metadata."""
+    _ensure_data()
+    return str(maturin.prepare_metadata_for_build_wheel(directory, settings))
+
+
+prepare_metadata_for_build_editable = prepare_metadata_for_build_wheel
+
+
+def build_wheel(
+    directory: str, settings: dict[str, Any] | None = None, metadata_directory: str | None = None
+) -> str:
+    """The wheel: library, stubs and both programs."""
+    _build_programs()
+    return str(maturin.build_wheel(directory, settings, metadata_directory))
+
+
+def build_editable(
+    directory: str, settings: dict[str, Any] | None = None, metadata_directory: str | None = None
+) -> str:
+    """An editable wheel: the Python files stay here, programs and library are built."""
+    _build_programs()
+    return str(maturin.build_editable(directory, settings, metadata_directory))
+
+
+def build_sdist(directory: str, settings: dict[str, Any] | None = None) -> str:
+    """The source distribution."""
+    _ensure_data()
+    return str(maturin.build_sdist(directory, settings))

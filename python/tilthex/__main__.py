@@ -1,0 +1,32 @@
+"""The `tilthex` command. Each subcommand's module offers `add_parser`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from tilthex import __version__
+
+USAGE = 2
+"""Exit status of wrong usage or configuration, as of the Rust programs."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a subcommand; what it refuses is one sentence on standard error."""
+    parser = argparse.ArgumentParser(prog="tilthex", description="Tools around the tilthex controller.")
+    parser.add_argument("--version", action="version", version=f"tilthex {__version__}")
+    subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    chosen = parser.parse_args(arguments)
+    try:
+        chosen.run(chosen)
+    except (ValueError, OSError, ImportError) as error:
+        print(f"tilthex: {error}", file=sys.stderr)
+        return USAGE
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

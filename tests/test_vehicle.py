@@ -1,0 +1,116 @@
+"""Vehicles, and rotations, against SciPy and an independent formulation of the allocation matrix."""
+
+import numpy as np
+import pytest
+import tilthex
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+angles = st.floats(-0.6, 0.6)
+PRESETS = tilthex.Vehicle.presets()
+
+
+def hexarotor(alpha: float, beta: float, offset: np.ndarray) -> dict:
+    return {
+        "preset": "tilt-hex",
+        "tilted_hexarotor": {
+            "alpha_deg": np.degrees(alpha),
+            "beta_deg": np.degrees(beta),
+            "rotor_offset": offset,
+        },
+    }
+
+
+def allocation_by_momentum(alpha: float, beta: float, offset: np.ndarray) -> np.ndarray:
+    """Column by column from the forces of six rotors, with SciPy's rotations."""
+    columns = []
+    for i in range(6):
+        sign = (-1) ** i
+        yaw = Rotation.from_euler("z", 60 * i, degrees=True)
+        tilted = yaw * Rotation.from_euler("XY", [sign * alpha, beta])
+        thrust = tilted.apply([0, 0, 11.4e-4])
+        drag = tilted.apply([0, 0, sign * 2.4e-5])
+        arm = yaw.apply([0.39, 0, 0]) + tilted.apply(offset)
+        columns.append([*thrust, *(np.cross(arm, thrust) + drag)])
+    return np.array(columns).T
+
+
+@given(
+    st.floats(0.2, 0.9) | st.floats(-0.9, -0.2),
+    angles,
+    st.tuples(*[st.floats(-0.05, 0.05)] * 3).map(np.array),
+)
+def test_every_column_of_the_allocation_matrix(alpha, beta, offset):
+    vehicle = tilthex.Vehicle.from_dict(hexarotor(alpha, beta, offset))
+    expected = allocation_by_momentum(alpha, beta, offset)
+    np.testing.assert_allclose(vehicle.allocation, expected, rtol=0, atol=1e-15)
+
+
+@given(st.sampled_from(PRESETS), st.tuples(angles, angles, angles))
+def test_hover_speeds_carry_the_weight(preset, tilt):
+    vehicle = tilthex.Vehicle.preset(preset)
+    rotation = Rotation.from_rotvec(tilt).as_matrix()
+    w = vehicle.hover_speeds(rotation)
+    wrench = vehicle.allocation @ (w * abs(w))
+    weight = vehicle.mass * tilthex.GRAVITY
+    np.testing.assert_allclose(rotation @ wrench[:3], [0, 0, weight], atol=1e-9)
+    np.testing.assert_allclose(wrench[3:], 0, atol=1e-9)
+
+
+@given(st.tuples(*[st.floats(-1.8, 1.8)] * 3).map(np.array))
+def test_rotations_are_those_of_scipy(v):
+    r = Rotation.from_rotvec(v).as_matrix()
+    np.testing.assert_allclose(tilthex.so3.exp(v), r, atol=1e-14)
+    np.testing.assert_allclose(tilthex.so3.log(r), Rotation.from_matrix(r).as_rotvec(), atol=1e-12)
+    np.testing.assert_allclose(tilthex.so3.hat(v) @ [1, 2, 3], np.cross(v, [1, 2, 3]), atol=1e-14)
+    np.testing.assert_array_equal(tilthex.so3.vee(tilthex.so3.hat(v)), v)
+    np.testing.assert_allclose(tilthex.so3.project(1.3 * r), r, atol=1e-12)
+
+
+def test_the_file_of_a_preset_gives_the_preset(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('[vehicle]\npreset = "tilt-hex"\nname = "mine"\ntool_position = [0, 0, -0.3]\n')
+    mine = tilthex.Vehicle.from_toml(path)
+    assert (mine.name, mine.mass) == ("mine", 2.4)
+    np.testing.assert_array_equal(mine.tool_position, [0, 0, -0.3])
+    again = tmp_path / "again.toml"
+    again.write_text('[vehicle]\nfile = "mine.toml"\n')
+    assert tilthex.Vehicle.from_toml(again).name == "mine"
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"preset": "tilt-hax"}, "unknown preset `tilt-hax`; the nearest known one is `tilt-hex`"),
+        ({"preset": "tilt-hex", "mas": 1}, "unknown key `mas`; the nearest known one is `mass`"),
+        ({"preset": "tilt-hex", "mass": -1.0}, "mass is -1; expected"),
+        ({"preset": "tilt-hex", "inertia": [1, 2]}, "found 2 numbers, expected 3"),
+        ({"preset": "tilt-hex", "tool_position": [1, 2]}, "found 2 numbers, expected"),
+        ({"mass": 1, "inertia": [1, 1, 1]}, "no rotors"),
+        ({"preset": "tilt-hex", "tilted_hexarotor": {"alfa_deg": 3}}, "`alpha_deg`"),
+    ],
+)
+def test_a_bad_key_is_named(keys, sentence):
+    with pytest.raises(ValueError, match=sentence.replace("[", r"\[")):
+        tilthex.Vehicle.from_dict(keys)
+
+
+@pytest.mark.parametrize(
+    ("bad", "sentence"),
+    [
+        ([1.0, 2.0], r"v has shape \(2,\); expected \(3,\)"),
+        (np.eye(3), r"v has shape \(3, 3\); expected \(3,\)"),
+        ([0.0, np.nan, 0.0], "v holds NaN; expected finite numbers"),
+        ([0.0, np.inf, 0.0], "v holds inf; expected finite numbers"),
+        ("x", "v is a str; expected an array of numbers"),
+    ],
+)
+def test_a_bad_array_is_named(bad, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        tilthex.so3.exp(bad)
+
+
+def test_a_reflection_is_no_rotation():
+    with pytest.raises(ValueError, match="rotation is .* away from a rotation; expected"):
+        tilthex.Vehicle.preset("tilt-hex").hover_speeds(-np.eye(3))
