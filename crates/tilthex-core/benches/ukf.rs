@@ -1,10 +1,15 @@
 //! Cost of the estimator's filter: `cargo bench -p tilthex-core --bench ukf`.
+#[path = "../tests/common/unstructured.rs"]
+mod unstructured;
+
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
 use tilthex_core::{
-    Matrix3, Vector3,
+    Matrix3, PoseSample, Vector3,
+    estimator::{Estimator, EstimatorParams},
     ukf::{InitialDeviation, Navigation, PoseNoise, ProcessNoise, Ukf, UkfState},
 };
+use unstructured::Points;
 
 /// A filter that has settled on a slow turn.
 fn settled() -> (Ukf, UkfState, Vector3, Vector3, PoseNoise) {
@@ -49,5 +54,53 @@ fn ukf(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, ukf);
+/// What the structure saves: every point of both sets evaluated, on the same state.
+fn every_point(c: &mut Criterion) {
+    let (_, state, gyro, force, _) = settled();
+    let (covariance, noise) = (state.covariance(), ProcessNoise::default());
+    for (name, points) in
+        [("31 points, each evaluated", Points::Pairs), ("17 simplex points, each evaluated", Points::Simplex)]
+    {
+        c.bench_function(name, |b| {
+            b.iter(|| {
+                let readings = (black_box(&gyro), black_box(&force));
+                unstructured::predict(points, &state.mean, &covariance, &noise, readings, 0.002)
+            });
+        });
+    }
+}
+
+/// A tick of 500 Hz with a pose every fifth, as flown: history, gate and output included.
+fn tick(c: &mut Criterion) {
+    for (name, latency) in [("estimator tick", 0.0), ("estimator tick, poses 30 ms late", 0.03)] {
+        let mut estimator = Estimator::new(EstimatorParams::default()).expect("valid");
+        estimator.initialize(0.0, &Vector3::zeros(), &Matrix3::identity()).expect("valid");
+        let mut k = 0u32;
+        c.bench_function(name, |b| {
+            b.iter(|| {
+                k += 1;
+                let time = f64::from(k) * 0.002;
+                estimator.predict(
+                    time,
+                    black_box(&Vector3::zeros()),
+                    black_box(&Vector3::new(0.0, 0.0, 9.81)),
+                );
+                if k % 5 == 0 && time > latency {
+                    estimator.update_pose(&PoseSample {
+                        time: time - latency,
+                        arrival: time,
+                        position_w: Vector3::zeros(),
+                        rotation_wr: Matrix3::identity(),
+                        tracking_valid: true,
+                    });
+                }
+                black_box(estimator.robot_state())
+            });
+        });
+        let health = estimator.health();
+        assert_eq!(health.counts.accepted + 1, k / 5 - (latency / 0.01) as u32 + 1, "{health:?}");
+    }
+}
+
+criterion_group!(benches, ukf, every_point, tick);
 criterion_main!(benches);
