@@ -5,6 +5,7 @@
 //! key, add a line to its section.
 
 mod control;
+mod flight;
 mod section;
 mod sections;
 mod time_scales;
@@ -13,7 +14,9 @@ mod vehicle;
 
 pub use control::{AdmittanceSection, AllocationSection, PoseControlSection, WrenchObserverSection};
 pub use section::{ConfigError, Key, Section};
-pub use sections::{EstimatorSection, LinkSection, LogSection, MocapSection, SupervisorSection};
+pub use sections::{
+    EstimatorSection, LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection,
+};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};
@@ -39,6 +42,8 @@ pub struct Config {
     pub link: LinkSection,
     /// Motion capture.
     pub mocap: MocapSection,
+    /// Take-off, hover and landing.
+    pub mission: MissionSection,
     /// What ends a flight.
     pub supervisor: SupervisorSection,
     /// The log.
@@ -57,6 +62,7 @@ macro_rules! each_section {
             estimator,
             link,
             mocap,
+            mission,
             supervisor,
             log
         )
@@ -131,7 +137,7 @@ impl Config {
             &admittance,
             &allocation,
         )?;
-        Ok(Self {
+        let config = Self {
             vehicle,
             pose_control,
             wrench_observer,
@@ -140,10 +146,13 @@ impl Config {
             estimator: section::take(&mut table)?,
             link: section::take(&mut table)?,
             mocap: section::take(&mut table)?,
+            mission: section::take(&mut table)?,
             supervisor: section::take(&mut table)?,
             log: section::take(&mut table)?,
             controller,
-        })
+        };
+        config.flight_params(false)?;
+        Ok(config)
     }
 
     /// The complete effective set-up as TOML, every key with its meaning and

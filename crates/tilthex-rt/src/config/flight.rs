@@ -1,0 +1,153 @@
+//! From a set-up to the parameters of a whole flight.
+
+use super::{Config, ConfigError, EstimatorSection, LinkSection, MissionSection, Section, SupervisorSection};
+use tilthex_core::{
+    Vehicle,
+    estimator::{Estimator, EstimatorParams},
+    flight::{Flight, FlightParams, GuidanceParams, SessionParams, WatchParams},
+    link::tk3::ImuScales,
+    so3,
+    trajectory::Limits,
+    ukf::ProcessNoise,
+};
+
+impl Config {
+    /// The parameters of the state estimator.
+    ///
+    /// # Errors
+    /// The key of `[estimator]` that can not be.
+    pub fn estimator_params(&self) -> Result<EstimatorParams, ConfigError> {
+        self.estimator.params(self.vehicle.vehicle()).map_err(|e| e.within("[estimator]"))
+    }
+
+    /// The parameters of a flight; `take_off` starts it without a command.
+    ///
+    /// # Errors
+    /// The section and the key that can not be.
+    pub fn flight_params(&self, take_off: bool) -> Result<FlightParams, ConfigError> {
+        let params = FlightParams {
+            vehicle: *self.vehicle.vehicle(),
+            controller: *self.controller(),
+            estimator: self.estimator_params()?,
+            session: self.link.params()?,
+            guidance: self.mission.params()?,
+            watch: self.supervisor.params()?,
+            take_off,
+        };
+        Flight::new(params, None)?;
+        Ok(params)
+    }
+}
+
+impl EstimatorSection {
+    fn params(&self, vehicle: &Vehicle) -> Result<EstimatorParams, ConfigError> {
+        let body_rotation_rc = so3::from_quaternion_xyzw(self.body_quaternion_xyzw)
+            .ok_or_else(|| ConfigError::new("body_quaternion_xyzw has not the norm 1"))?;
+        let params = EstimatorParams {
+            process: ProcessNoise {
+                gyro: self.gyro_noise,
+                accelerometer: self.accelerometer_noise,
+                gyro_bias: self.gyro_bias_walk,
+                accelerometer_bias: self.accelerometer_bias_walk,
+            },
+            position_noise: self.position_noise,
+            rotation_noise: self.rotation_noise_deg.to_radians(),
+            imu_position_r: vehicle.imu().position_r,
+            imu_rotation_ri: vehicle.imu().rotation_r,
+            body_position_r: self.body_position.vector(),
+            body_rotation_rc,
+            gate_probability: self.gate_probability,
+            history: self.history,
+            latency: self.latency,
+            ..EstimatorParams::default()
+        };
+        Estimator::new(params)?;
+        Ok(params)
+    }
+}
+
+impl LinkSection {
+    fn params(&self) -> Result<SessionParams, ConfigError> {
+        let period = |key: &'static str, rate: f64| {
+            check::<Self>(key, rate, 0.5, 2000.0)?;
+            Ok::<_, ConfigError>((1e6 / rate).round() as u32)
+        };
+        check::<Self>("accelerometer_scale", self.accelerometer_scale, 0.0, 1.0)?;
+        check::<Self>("gyro_scale", self.gyro_scale, 0.0, 1.0)?;
+        let scales = (self.accelerometer_scale > 0.0 && self.gyro_scale > 0.0)
+            .then_some(ImuScales { accelerometer: self.accelerometer_scale, gyro: self.gyro_scale });
+        if scales.is_none() && self.accelerometer_scale + self.gyro_scale > 0.0 {
+            return Err(ConfigError::new(
+                "[link]: one of accelerometer_scale and gyro_scale is set; expected both or none",
+            ));
+        }
+        Ok(SessionParams {
+            imu_period_us: period("imu_rate", self.imu_rate)?,
+            motor_period_us: period("motor_rate", self.motor_rate)?,
+            battery_period_us: period("battery_rate", self.battery_rate)?,
+            scales,
+        })
+    }
+}
+
+impl MissionSection {
+    /// Limits on the way to a way-point.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits {
+            velocity: self.max_velocity,
+            acceleration: self.max_acceleration,
+            angular_velocity: self.max_angular_velocity_deg.to_radians(),
+            angular_acceleration: self.max_angular_acceleration_deg.to_radians(),
+        }
+    }
+
+    fn params(&self) -> Result<GuidanceParams, ConfigError> {
+        check::<Self>("take_off_height", self.take_off_height, 0.05, 100.0)?;
+        check::<Self>("bias_time", self.bias_time, 0.0, 60.0)?;
+        check::<Self>("max_velocity", self.max_velocity, 1e-3, 10.0)?;
+        check::<Self>("max_acceleration", self.max_acceleration, 1e-3, 20.0)?;
+        check::<Self>("max_angular_velocity_deg", self.max_angular_velocity_deg, 0.1, 1e3)?;
+        check::<Self>("max_angular_acceleration_deg", self.max_angular_acceleration_deg, 0.1, 1e4)?;
+        check::<Self>("landing_speed", self.landing_speed, 0.05, 1.0)?;
+        check::<Self>("max_setpoint_jump", self.max_setpoint_jump, 0.0, 1.0)?;
+        Ok(GuidanceParams {
+            take_off_height: self.take_off_height,
+            bias_time: self.bias_time,
+            limits: self.limits(),
+            landing_speed: self.landing_speed,
+            max_setpoint_jump: self.max_setpoint_jump,
+        })
+    }
+}
+
+impl SupervisorSection {
+    fn params(&self) -> Result<WatchParams, ConfigError> {
+        check::<Self>("battery_low", self.battery_low, 0.0, 100.0)?;
+        check::<Self>("battery_critical", self.battery_critical, 0.0, 100.0)?;
+        check::<Self>("max_position_error", self.max_position_error, 0.01, 10.0)?;
+        check::<Self>("max_rotation_error_deg", self.max_rotation_error_deg, 1.0, 90.0)?;
+        check::<Self>("max_tilt_deg", self.max_tilt_deg, 1.0, 180.0)?;
+        check::<Self>("max_speed", self.max_speed, 0.1, 100.0)?;
+        check::<Self>("max_force", self.max_force, 0.1, 1e3)?;
+        check::<Self>("max_torque", self.max_torque, 0.01, 1e3)?;
+        check::<Self>("start_timeout", self.start_timeout, 1.0, 300.0)?;
+        Ok(WatchParams {
+            battery_low: self.battery_low,
+            battery_critical: self.battery_critical,
+            max_position_error: self.max_position_error,
+            max_rotation_error: self.max_rotation_error_deg.to_radians().sin(),
+            max_tilt: self.max_tilt_deg.to_radians(),
+            max_speed: self.max_speed,
+            max_force: self.max_force,
+            max_torque: self.max_torque,
+            start_timeout: self.start_timeout,
+        })
+    }
+}
+
+/// Refuses a number outside its range, with the section.
+fn check<S: Section>(key: &'static str, found: f64, min: f64, max: f64) -> Result<(), ConfigError> {
+    tilthex_core::error::check_range(key, found, min, max)
+        .map_err(|e| ConfigError::from(e).within(format_args!("[{}]", S::NAME)))
+}
