@@ -5,13 +5,16 @@
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
 pub mod config;
+pub mod control_loop;
 pub mod failure;
 pub mod histogram;
 pub mod log;
+pub mod orders;
 pub mod phase_lock;
 pub mod port;
 pub mod realtime;
 pub mod recorder;
+pub mod reference;
 pub mod sim;
 pub mod sleeper;
 pub mod summary;

@@ -1,0 +1,272 @@
+//! The loop: sleep, read what is there, tick, write, hand the record over.
+//!
+//! Its thread neither allocates, locks nor logs, and waits on nothing but the
+//! clock. Its system calls are `clock_nanosleep`, `read` and `write` on the port
+//! (and `clock_gettime`, which the kernel answers without a call).
+
+use std::{
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+    time::Duration,
+};
+
+use rtrb::Consumer;
+use tilthex_core::{
+    PoseSample,
+    estimator::StartError,
+    flight::{Command, Flight, HostFacts, MAX_BYTES_IN, MAX_POSES, Record, TickInput, TickOutput},
+    link::tk3::{HostMessage, MAX_FRAME, Stream},
+    supervisor::{Fault, FaultSet, Phase},
+};
+
+use crate::{
+    log::{Tick, Timing},
+    phase_lock::{LOOK, PhaseLock},
+    port::{Port, Written},
+    recorder::Feed,
+    sleeper::{Clock, Monotonic, Nanos, Sleeper},
+};
+
+/// With its port gone in flight, the loop ends after this long: nothing it says reaches anyone, s.
+const LINK_GONE: f64 = 1.0;
+
+/// How the loop ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum End {
+    /// It flew and landed; the fault that made it land, if any did.
+    Landed(Option<Fault>),
+    /// It was asked to end before it flew.
+    Interrupted,
+    /// Nobody at the other end says that it is a vehicle.
+    NoVehicle,
+    /// The port is gone.
+    LinkLost {
+        /// While the vehicle was in the air.
+        in_flight: bool,
+    },
+    /// The start of the motors was refused or broken off.
+    Refused(FaultSet),
+    /// It was not ready to fly in time.
+    NotReady {
+        /// Why the estimator has not started; `None` where it has, or where no pose came.
+        estimator: Option<StartError>,
+        /// Faults that keep the motors from starting.
+        faults: FaultSet,
+        /// Whether a usable pose ever came.
+        pose_seen: bool,
+        /// Whether the vehicle answered and streamed.
+        link_ready: bool,
+    },
+}
+
+/// When the loop lands or gives up of its own accord.
+#[derive(Clone, Copy, Debug)]
+pub struct LoopParams {
+    /// Between two ticks.
+    pub period: Duration,
+    /// Lands so long after take-off, s.
+    pub duration: Option<f64>,
+    /// Lands when the route has been flown.
+    pub land_after_route: bool,
+    /// Gives up where the vehicle has not begun to start its motors after this long, s; `None` waits for commands.
+    pub patience: Option<f64>,
+}
+
+/// What the loop works on.
+pub struct ControlLoop {
+    /// The flight.
+    pub flight: Flight,
+    /// The line to the vehicle.
+    pub port: Port,
+    /// Poses from motion capture.
+    pub poses: Consumer<PoseSample>,
+    /// Orders.
+    pub commands: Consumer<Command>,
+    /// To the recorder.
+    pub feed: Feed,
+    /// Set by a signal: land.
+    pub land: Arc<AtomicBool>,
+    /// When to end.
+    pub params: LoopParams,
+}
+
+impl ControlLoop {
+    /// Runs until the flight is over.
+    pub fn run(mut self) -> End {
+        let clock = Monotonic;
+        let begin = clock.now();
+        let mut memory = Memory::new(begin);
+        let mut sleeper = Sleeper::new(self.params.period, begin + self.params.period.as_nanos() as Nanos);
+        loop {
+            let wake = sleeper.wait(&clock);
+            memory.timing = Timing {
+                wake_latency: wake.latency(),
+                period: wake.woke - memory.last_woke,
+                skipped: wake.skipped,
+                ..Timing::default()
+            };
+            memory.last_woke = wake.woke;
+            self.tick(&clock, &mut memory);
+            sleeper.shift(memory.shift);
+            if let Some(end) = self.end(&mut memory) {
+                self.part();
+                return end;
+            }
+        }
+    }
+
+    /// One tick, from the read to the write and the hand-over.
+    fn tick(&mut self, clock: &impl Clock, memory: &mut Memory) {
+        let found = self.read(clock, memory);
+        memory.now = found as f64 * 1e-9;
+        let mut poses = [memory.no_pose; MAX_POSES];
+        let mut pose_count = 0;
+        while let Some(slot) = poses.get_mut(pose_count) {
+            let Ok(pose) = self.poses.pop() else { break };
+            *slot = pose;
+            pose_count += 1;
+        }
+        memory.pose_seen |= poses[..pose_count].iter().any(|pose| pose.tracking_valid);
+        let command = self.commands.pop().ok();
+        let input = TickInput {
+            time: memory.now,
+            bytes: &memory.bytes[..memory.byte_count],
+            poses: &poses[..pose_count],
+            command: command.as_ref(),
+            host: HostFacts {
+                land: self.land.load(Ordering::Relaxed) || self.time_to_land(memory),
+                link_lost: memory.gone,
+                log_lost: self.feed.log_lost(),
+            },
+        };
+        self.flight.tick(&input, &mut memory.out);
+        if !memory.out.bytes().is_empty() {
+            memory.gone |= self.port.write(memory.out.bytes()) == Written::Gone;
+        }
+        let written = clock.now();
+        if self.flight.supervisor().phase().in_flight() {
+            memory.took_off.get_or_insert(memory.now);
+        }
+        let (with_imu, shift) = memory.lock.end_tick(memory.timing.polls);
+        memory.shift = shift;
+        memory.timing.compute = written - memory.last_woke;
+        memory.timing.imu_to_command = if with_imu { written - found } else { 0 };
+        memory.timing.short_writes = self.port.short_writes();
+        self.feed.push(&Tick { record: memory.out.record, timing: memory.timing });
+    }
+
+    /// Reads what is there, and looks again for an inertial sample that is due; when the last look was.
+    fn read(&mut self, clock: &impl Clock, memory: &mut Memory) -> Nanos {
+        memory.byte_count = 0;
+        let mut looks = 0;
+        loop {
+            let at = clock.now();
+            let free = memory.bytes.get_mut(memory.byte_count..).unwrap_or_default();
+            match self.port.read(free) {
+                Some(count) => {
+                    memory.lock.scan(&free[..count.min(free.len())]);
+                    memory.byte_count += count;
+                }
+                None => memory.gone |= !free.is_empty(),
+            }
+            if memory.gone || !memory.lock.wants_look(looks) {
+                memory.timing.polls = looks;
+                return at;
+            }
+            looks += 1;
+            clock.sleep_until(at + LOOK);
+        }
+    }
+
+    fn time_to_land(&self, memory: &Memory) -> bool {
+        let flown = memory.took_off.map(|since| memory.now - since);
+        let late = |limit: f64| flown.is_some_and(|flown| flown >= limit);
+        self.params.duration.is_some_and(late) || (self.params.land_after_route && self.flight.mission_done())
+    }
+
+    fn end(&self, memory: &mut Memory) -> Option<End> {
+        let supervisor = self.flight.supervisor();
+        if self.flight.finished() {
+            return Some(End::Landed(supervisor.ended_by()));
+        }
+        let in_flight = supervisor.phase().in_flight();
+        let starting = matches!(supervisor.phase(), Phase::Starting | Phase::Grounded);
+        let was_starting = std::mem::replace(&mut memory.starting, starting);
+        if memory.gone {
+            let since = *memory.gone_since.get_or_insert(memory.now);
+            let end = !in_flight || memory.now - since >= LINK_GONE;
+            return end.then_some(End::LinkLost { in_flight: memory.took_off.is_some() });
+        }
+        if supervisor.phase() != Phase::Disarmed || supervisor.landed() {
+            return None;
+        }
+        if self.flight.no_vehicle() {
+            Some(End::NoVehicle)
+        } else if self.land.load(Ordering::Relaxed) {
+            Some(End::Interrupted)
+        } else if was_starting {
+            Some(End::Refused(supervisor.refusals()))
+        } else if self.params.patience.is_some_and(|limit| memory.now - memory.begin >= limit) {
+            Some(End::NotReady {
+                estimator: self.flight.start_refused(),
+                faults: supervisor.refusals(),
+                pose_seen: memory.pose_seen,
+                link_ready: self.flight.identity().is_some(),
+            })
+        } else {
+            None
+        }
+    }
+
+    /// Turns the vehicle's streams off, and its motors where it stands.
+    fn part(&mut self) {
+        let mut frame = [0; MAX_FRAME];
+        for stream in [Stream::Imu, Stream::Motors, Stream::Battery] {
+            let length = HostMessage::Rate { stream, period_us: 0 }.encode(&mut frame);
+            self.port.write(&frame[..length]);
+        }
+    }
+}
+
+/// What the loop remembers from tick to tick, all of it made before the first.
+struct Memory {
+    bytes: [u8; MAX_BYTES_IN],
+    byte_count: usize,
+    out: TickOutput,
+    lock: PhaseLock,
+    timing: Timing,
+    shift: i64,
+    last_woke: Nanos,
+    begin: f64,
+    now: f64,
+    took_off: Option<f64>,
+    starting: bool,
+    pose_seen: bool,
+    gone: bool,
+    gone_since: Option<f64>,
+    no_pose: PoseSample,
+}
+
+impl Memory {
+    fn new(begin: Nanos) -> Self {
+        Self {
+            bytes: [0; MAX_BYTES_IN],
+            byte_count: 0,
+            out: TickOutput::default(),
+            lock: PhaseLock::default(),
+            timing: Timing::default(),
+            shift: 0,
+            last_woke: begin,
+            begin: begin as f64 * 1e-9,
+            now: begin as f64 * 1e-9,
+            took_off: None,
+            starting: false,
+            pose_seen: false,
+            gone: false,
+            gone_since: None,
+            no_pose: Record::default().raw.poses[0],
+        }
+    }
+}
