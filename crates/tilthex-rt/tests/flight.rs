@@ -2,97 +2,16 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::path::Path;
 use tilthex_core::{
-    Matrix3, Matrix6, PoseSample, Vector3, Vector6, Vehicle,
-    admittance::AdmittanceParams,
-    allocation::AllocatorParams,
-    controller::ControllerParams,
-    estimator::EstimatorParams,
-    flight::{
-        Flight, FlightParams, GuidanceParams, HostFacts, Record, SessionParams, TickInput, TickOutput,
-        WatchParams,
-    },
-    pose_control::PoseGains,
+    PoseSample,
+    flight::{Flight, HostFacts, Record, TickInput, TickOutput},
     supervisor::{Fault, Phase},
-    trajectory::Limits,
-    vehicle::{Mounting, TiltedHexarotor},
-    wrench_observer::ObserverGains,
 };
-use tilthex_rt::sim::{Push, Pushes, Simulation, SimulationParams};
-
-fn vehicle() -> Vehicle {
-    let rotors = TiltedHexarotor {
-        arm: 0.39,
-        rotor_offset: Vector3::zeros(),
-        alpha: 35_f64.to_radians(),
-        beta: 10_f64.to_radians(),
-        thrust_coefficient: 11.4e-4,
-        drag_coefficient: 2.4e-5,
-        min_speed: 16.0,
-        max_speed: 110.0,
-    };
-    let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
-    let tool = Mounting { position_r: Vector3::new(0.12, 0.0, -0.4), ..Mounting::default() };
-    Vehicle::new(2.4, inertia, &rotors.rotors(), 0.03, tool, Mounting::default()).unwrap()
-}
-
-fn params() -> FlightParams {
-    let m = |t: f64, r: [f64; 3]| Matrix6::from_diagonal(&Vector6::new(t, t, t, r[0], r[1], r[2]));
-    FlightParams {
-        vehicle: vehicle(),
-        controller: ControllerParams {
-            pose: PoseGains {
-                position: Vector3::repeat(36.0),
-                velocity: Vector3::repeat(12.0),
-                rotation: Vector3::repeat(150.0),
-                angular_velocity: Vector3::repeat(22.0),
-            },
-            observer: ObserverGains { force: Vector3::repeat(20.0), torque: Vector3::repeat(20.0) },
-            admittance: AdmittanceParams {
-                mass: m(1.5, [0.01, 0.01, 0.02]),
-                damping: m(10.0, [4.0; 3]),
-                stiffness: m(6.0, [10.0, 10.0, 5.0]),
-                max_translation: 1.0,
-                max_rotation: 1.0,
-            },
-            force_dead_zone: 0.2,
-            torque_dead_zone: 0.2,
-            low_pass_hz: 10.0,
-            allocation: AllocatorParams::default(),
-        },
-        estimator: EstimatorParams::default(),
-        session: SessionParams {
-            imu_period_us: 2000,
-            motor_period_us: 4000,
-            battery_period_us: 1_000_000,
-            scales: None,
-        },
-        guidance: GuidanceParams {
-            take_off_height: 0.6,
-            bias_time: 2.0,
-            limits: Limits {
-                velocity: 0.4,
-                acceleration: 0.8,
-                angular_velocity: 0.5,
-                angular_acceleration: 1.0,
-            },
-            landing_speed: 0.25,
-            max_setpoint_jump: 0.05,
-        },
-        watch: WatchParams {
-            battery_low: 0.0,
-            battery_critical: 0.0,
-            max_position_error: 0.4,
-            max_rotation_error: 0.6,
-            max_tilt: 1.0,
-            max_speed: 3.0,
-            max_force: 20.0,
-            max_torque: 5.0,
-            start_timeout: 30.0,
-        },
-        take_off: true,
-    }
-}
+use tilthex_rt::{
+    config::Config,
+    sim::{Push, Pushes, Simulation, SimulationParams},
+};
 
 /// A host and a vehicle on virtual time.
 struct World {
@@ -109,11 +28,13 @@ struct World {
 
 impl World {
     fn new(pushes: Vec<Push>) -> Self {
-        let mut params_sim = SimulationParams::new(vehicle());
-        params_sim.pushes = Pushes::new(pushes);
+        let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).unwrap();
+        let params = config.flight_params(true).unwrap();
+        let mut simulated = SimulationParams::new(params.vehicle);
+        simulated.pushes = Pushes::new(pushes);
         Self {
-            simulation: Simulation::new(params_sim),
-            flight: Flight::new(params(), None).unwrap(),
+            simulation: Simulation::new(simulated),
+            flight: Flight::new(params, None).unwrap(),
             out: TickOutput::default(),
             to_host: Vec::new(),
             poses: Vec::new(),

@@ -13,9 +13,10 @@ mod values;
 mod vehicle;
 
 pub use control::{AdmittanceSection, AllocationSection, PoseControlSection, WrenchObserverSection};
-pub use flight::{FlightSection, LinkSection, SupervisorSection};
 pub use section::{ConfigError, Key, Section};
-pub use sections::{EstimatorSection, LogSection, MocapSection};
+pub use sections::{
+    EstimatorSection, LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection,
+};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};
@@ -37,12 +38,12 @@ pub struct Config {
     pub allocation: AllocationSection,
     /// The state estimator.
     pub estimator: EstimatorSection,
-    /// Take-off, hover and landing.
-    pub flight: FlightSection,
     /// The link to the vehicle.
     pub link: LinkSection,
     /// Motion capture.
     pub mocap: MocapSection,
+    /// Take-off, hover and landing.
+    pub mission: MissionSection,
     /// What ends a flight.
     pub supervisor: SupervisorSection,
     /// The log.
@@ -61,6 +62,7 @@ macro_rules! each_section {
             estimator,
             link,
             mocap,
+            mission,
             supervisor,
             log
         )
@@ -135,20 +137,22 @@ impl Config {
             &admittance,
             &allocation,
         )?;
-        Ok(Self {
+        let config = Self {
             vehicle,
             pose_control,
             wrench_observer,
             admittance,
             allocation,
             estimator: section::take(&mut table)?,
-            flight: section::take(&mut table)?,
             link: section::take(&mut table)?,
             mocap: section::take(&mut table)?,
+            mission: section::take(&mut table)?,
             supervisor: section::take(&mut table)?,
             log: section::take(&mut table)?,
             controller,
-        })
+        };
+        config.flight_params(false)?;
+        Ok(config)
     }
 
     /// The complete effective set-up as TOML, every key with its meaning and

@@ -1,23 +1,106 @@
-//! The sections of what surrounds the controller. Their owners read the fields.
+//! The sections of what surrounds the controller.
 
-use super::section::{ConfigError, section};
-use tilthex_core::{Vehicle, estimator::EstimatorParams};
+use super::{section::section, values::Axes};
 
 section! {
     /// The state estimator, an unscented Kalman filter on SO(3) x R^12.
     pub EstimatorSection as "estimator" {
         /// Standard deviation of a captured position, m an axis.
-        position_noise: f64 = 0.3e-3,
+        position_noise: f64 = 0.5e-3,
         /// Standard deviation of a captured orientation, degrees an axis.
-        rotation_noise_deg: f64 = 0.12,
+        rotation_noise_deg: f64 = 0.17,
+        /// White noise of the gyroscope, rad/s/sqrt(Hz).
+        gyro_noise: f64 = 1e-3,
+        /// White noise of the accelerometer, m/s^2/sqrt(Hz).
+        accelerometer_noise: f64 = 1e-2,
+        /// Random walk of the gyroscope's bias, rad/s/sqrt(s).
+        gyro_bias_walk: f64 = 1e-4,
+        /// Random walk of the accelerometer's bias, m/s^2/sqrt(s).
+        accelerometer_bias_walk: f64 = 1e-3,
+        /// Origin of the captured body, m, robot axes.
+        body_position: Axes<3> = Axes([0.0; 3]),
+        /// Orientation of the captured body in the robot, as a quaternion (x, y, z, w).
+        body_quaternion_xyzw: [f64; 4] = [0.0, 0.0, 0.0, 1.0],
+        /// Probability with which a good pose passes the gate.
+        gate_probability: f64 = 0.9999,
+        /// Time over which late poses are still applied, s.
+        history: f64 = 0.3,
+        /// Constant latency taken off every pose's time, s: for capture systems that stamp on arrival.
+        latency: f64 = 0.0,
+    }
+}
+
+section! {
+    /// The serial link to the vehicle.
+    pub LinkSection as "link" {
+        /// 57600, 115200, 500000, 2000000, or 0 to leave the speed alone (native USB, pseudo-terminals).
+        baud: u32 = 500_000,
+        /// Rate of the inertial samples, Hz.
+        imu_rate: f64 = 500.0,
+        /// Rate of each motor's measurements, Hz.
+        motor_rate: f64 = 250.0,
+        /// Rate of the battery's measurements, Hz.
+        battery_rate: f64 = 1.0,
+        /// One count of the accelerometer, m/s^2; 0 for what is known of the board.
+        accelerometer_scale: f64 = 0.0,
+        /// One count of the gyroscope, rad/s; 0 for what is known of the board.
+        gyro_scale: f64 = 0.0,
     }
 }
 
 section! {
     /// Motion capture.
     pub MocapSection as "mocap" {
-        /// Where poses come from: "natnet://HOST" or "vrpn://BODY@HOST"; empty for none.
+        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY" or "vrpn://HOST/TRACKER"; empty for none.
         uri: String = String::new(),
+        /// The capture system's upward axis, "y" or "z".
+        up_axis: String = "z".into(),
+    }
+}
+
+section! {
+    /// Take-off, hover and landing.
+    pub MissionSection as "mission" {
+        /// Height of the first hover above the start, m.
+        take_off_height: f64 = 0.6,
+        /// Time of the first hover in which the observer's bias is learnt, s; 0 for none.
+        bias_time: f64 = 2.0,
+        /// Largest velocity on the way to a way-point, m/s.
+        max_velocity: f64 = 0.4,
+        /// Largest acceleration on the way to a way-point, m/s^2.
+        max_acceleration: f64 = 0.8,
+        /// Largest angular velocity on the way to a way-point, degrees/s.
+        max_angular_velocity_deg: f64 = 30.0,
+        /// Largest angular acceleration on the way to a way-point, degrees/s^2.
+        max_angular_acceleration_deg: f64 = 60.0,
+        /// Speed of the descent to the ground, m/s.
+        landing_speed: f64 = 0.25,
+        /// Farthest a streamed set-point may be from the one before, m.
+        max_setpoint_jump: f64 = 0.05,
+    }
+}
+
+section! {
+    /// Limits whose crossing is a fault; docs/faults.md says what follows.
+    pub SupervisorSection as "supervisor" {
+        /// The vehicle does not start, and lands, below this battery voltage, V; 0 for no limit.
+        battery_low: f64 = 0.0,
+        /// Critical battery voltage, V; 0 for no limit.
+        battery_critical: f64 = 0.0,
+        /// Largest distance from the reference, m.
+        max_position_error: f64 = 0.3,
+        /// Largest rotation from the reference, degrees.
+        max_rotation_error_deg: f64 = 35.0,
+        /// Largest tilt, degrees.
+        max_tilt_deg: f64 = 60.0,
+        /// Largest speed, m/s.
+        max_speed: f64 = 3.0,
+        /// Largest estimated force on the tool, N.
+        max_force: f64 = 40.0,
+        /// Largest estimated torque on the tool, N m.
+        max_torque: f64 = 5.0,
+        /// Longest time from the first start command until all motors spin, s.
+        start_timeout: f64 = 30.0,
     }
 }
 
@@ -26,21 +109,5 @@ section! {
     pub LogSection as "log" {
         /// The MCAP file to write; empty for none.
         path: String = String::new(),
-    }
-}
-
-impl EstimatorSection {
-    /// The estimator's parameters on a vehicle.
-    ///
-    /// # Errors
-    /// One sentence with the parameter.
-    pub fn params(&self, vehicle: &Vehicle) -> Result<EstimatorParams, ConfigError> {
-        Ok(EstimatorParams {
-            position_noise: self.position_noise,
-            rotation_noise: self.rotation_noise_deg.to_radians(),
-            imu_position_r: vehicle.imu().position_r,
-            imu_rotation_ri: vehicle.imu().rotation_r,
-            ..EstimatorParams::default()
-        })
     }
 }

@@ -120,18 +120,3 @@ proptest! {
         let _ = read(&text);
     }
 }
-
-#[test]
-fn every_preset_can_fly_and_a_flight_that_can_not_says_why() {
-    for (name, _) in PRESETS {
-        let config = Config::default_for(VehicleSection::preset(name).unwrap());
-        assert!(config.flight_params().is_ok(), "{name}");
-    }
-    let error = |text: &str| read(text).unwrap().flight_params().unwrap_err().to_string();
-    assert_eq!(
-        error("[flight]\nlanding_speed = 9"),
-        "[flight]: landing_speed is 9; expected a number from 0.05 to 2"
-    );
-    assert!(error("[link]\ngyro_scale = 0.1").contains("expected both, or none"));
-    assert!(error("[supervisor]\nmax_tilt_deg = 0").contains("max_tilt_deg"));
-}
