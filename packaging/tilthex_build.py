@@ -40,7 +40,7 @@ def _build_programs() -> None:
 
 
 def _ensure_data() -> None:
-    """maturin refuses even to write metadata while the data folder is missing."""
+    """Even to write metadata maturin wants the data folder to be there."""
     DATA.mkdir(parents=True, exist_ok=True)
 
 

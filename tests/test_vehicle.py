@@ -112,5 +112,5 @@ def test_a_bad_array_is_named(bad, sentence):
 
 
 def test_a_reflection_is_no_rotation():
-    with pytest.raises(ValueError, match="rotation is .* away from a rotation; expected"):
+    with pytest.raises(ValueError, match=r"rotation is .* away from a rotation; expected"):
         tilthex.Vehicle.preset("tilt-hex").hover_speeds(-np.eye(3))

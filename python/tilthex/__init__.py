@@ -8,6 +8,41 @@ end-effector paradigm", IJRR 38(9), 2019.
 """
 
 from tilthex import so3
-from tilthex._core import GRAVITY, Vehicle, __version__
+from tilthex._core import (
+    GRAVITY,
+    AdmittanceFilter,
+    Allocation,
+    Allocator,
+    Config,
+    Controller,
+    Output,
+    Plant,
+    PoseCommand,
+    PoseController,
+    Reference,
+    Setpoint,
+    Trajectory,
+    Vehicle,
+    WrenchObserver,
+    __version__,
+)
 
-__all__ = ["GRAVITY", "Vehicle", "__version__", "so3"]
+__all__ = [
+    "GRAVITY",
+    "AdmittanceFilter",
+    "Allocation",
+    "Allocator",
+    "Config",
+    "Controller",
+    "Output",
+    "Plant",
+    "PoseCommand",
+    "PoseController",
+    "Reference",
+    "Setpoint",
+    "Trajectory",
+    "Vehicle",
+    "WrenchObserver",
+    "__version__",
+    "so3",
+]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from tilthex import __version__
 
+COMMANDS: tuple[Callable[[Any], None], ...] = ()
+"""The `add_parser` of each subcommand's module."""
 USAGE = 2
 """Exit status of wrong usage or configuration, as of the Rust programs."""
 
@@ -16,7 +19,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs a subcommand; what it refuses is one sentence on standard error."""
     parser = argparse.ArgumentParser(prog="tilthex", description="Tools around the tilthex controller.")
     parser.add_argument("--version", action="version", version=f"tilthex {__version__}")
-    subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for add_parser in COMMANDS:
+        add_parser(commands)
     chosen = parser.parse_args(arguments)
     try:
         chosen.run(chosen)

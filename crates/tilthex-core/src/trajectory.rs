@@ -113,6 +113,11 @@ impl Trajectory {
         }
     }
 
+    /// Times at which the ways begin, s.
+    pub fn begins(&self) -> impl Iterator<Item = f64> + '_ {
+        self.legs[..self.count].iter().map(|leg| leg.begins)
+    }
+
     /// The set-point at `time` seconds from its start; its ends are held.
     #[must_use]
     pub fn sample(&self, time: f64) -> Setpoint {

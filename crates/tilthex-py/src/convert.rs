@@ -115,6 +115,15 @@ pub(crate) fn number(name: &str, value: f64, min: f64, max: f64) -> PyResult<f64
     Ok(value)
 }
 
+/// A period, s: positive, up to one second.
+pub(crate) fn period(dt: f64) -> PyResult<f64> {
+    if dt > 0.0 && dt <= 1.0 {
+        Ok(dt)
+    } else {
+        Err(PyValueError::new_err(format!("dt is {dt}; expected seconds above 0, up to 1")))
+    }
+}
+
 /// A dict as a TOML table.
 pub(crate) fn table(name: &str, dict: &Bound<'_, PyDict>) -> PyResult<Table> {
     dict.iter()

@@ -1,8 +1,14 @@
-//! Python bindings: registers classes, checks shapes and converts arrays. One
-//! file a class; no control law lives here.
+//! Python bindings: registers classes, checks shapes and converts arrays. No
+//! control law lives here.
 
+mod blocks;
+mod config;
+mod controller;
 mod convert;
+mod plant;
+mod setpoint;
 mod so3;
+mod trajectory;
 mod vehicle;
 
 use pyo3::prelude::*;
@@ -12,6 +18,19 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("GRAVITY", tilthex_core::GRAVITY)?;
     so3::register(module)?;
+    module.add_class::<blocks::AdmittanceFilter>()?;
+    module.add_class::<blocks::Allocation>()?;
+    module.add_class::<blocks::Allocator>()?;
+    module.add_class::<blocks::PoseCommand>()?;
+    module.add_class::<blocks::PoseController>()?;
+    module.add_class::<blocks::WrenchObserver>()?;
+    module.add_class::<config::Config>()?;
+    module.add_class::<controller::Controller>()?;
+    module.add_class::<controller::Output>()?;
+    module.add_class::<plant::Plant>()?;
+    module.add_class::<setpoint::Reference>()?;
+    module.add_class::<setpoint::Setpoint>()?;
+    module.add_class::<trajectory::Trajectory>()?;
     module.add_class::<vehicle::Vehicle>()?;
     Ok(())
 }

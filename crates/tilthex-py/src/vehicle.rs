@@ -5,7 +5,10 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
-use tilthex_core::Matrix3;
+use tilthex_core::{
+    Matrix3,
+    wrench_observer::{robot_wrench, tool_wrench},
+};
 use tilthex_rt::config::{PRESETS, VehicleSection};
 
 /// A validated vehicle: mass, rotors, tool and IMU; (3)-(10).
@@ -130,6 +133,27 @@ impl Vehicle {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let r = rotation.map_or(Ok(Matrix3::identity()), |r| convert::rotation("rotation", r))?;
         Ok(array1(py, &self.core().hover_speeds(&r).as_slice()[..self.core().rotor_count()]))
+    }
+
+    /// The wrench at the tool tip, world, (6,), of one at the centre of mass
+    /// (force in world, torque in robot coordinates) at an orientation `R_WR`; (25).
+    fn tool_wrench<'py>(
+        &self,
+        wrench: &Bound<'py, PyAny>,
+        rotation: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (w, r) = (convert::wrench("wrench", wrench)?, convert::rotation("rotation", rotation)?);
+        Ok(convert::wrench_array(wrench.py(), &tool_wrench(&w, &r, &self.core().tool().position_r)))
+    }
+
+    /// The wrench at the centre of mass, (6,), of one at the tool tip, world; (18).
+    fn robot_wrench<'py>(
+        &self,
+        wrench: &Bound<'py, PyAny>,
+        rotation: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (w, r) = (convert::wrench("wrench", wrench)?, convert::rotation("rotation", rotation)?);
+        Ok(convert::wrench_array(wrench.py(), &robot_wrench(&w, &r, &self.core().tool().position_r)))
     }
 
     fn __repr__(&self) -> String {

@@ -1,0 +1,61 @@
+//! `tilthex.Config`.
+
+use crate::{convert, vehicle::Vehicle};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use tilthex_rt::config::Config as Checked;
+
+/// A checked set-up: the vehicle, and the parameters of every block.
+#[pyclass(frozen, module = "tilthex")]
+pub(crate) struct Config {
+    pub(crate) checked: Checked,
+}
+
+#[pymethods]
+impl Config {
+    /// The default set-up of a vehicle.
+    #[staticmethod]
+    #[pyo3(name = "default")]
+    fn of_vehicle(vehicle: &Vehicle) -> Self {
+        Self { checked: Checked::default_for(vehicle.section.clone()) }
+    }
+
+    /// The set-up in a TOML file.
+    #[staticmethod]
+    fn from_toml(path: PathBuf) -> PyResult<Self> {
+        Ok(Self { checked: Checked::from_file(&path).map_err(convert::config_error)? })
+    }
+
+    /// The same with some keys changed: `config.replace(admittance={"stiffness": [6, 6, 6, 10, 10, 5]})`.
+    #[pyo3(signature = (**sections))]
+    fn replace(&self, sections: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let changes = sections.map(|s| convert::table("config", s)).transpose()?.unwrap_or_default();
+        Ok(Self { checked: self.checked.overlaid(changes).map_err(convert::config_error)? })
+    }
+
+    /// The complete set-up as TOML, every key with its meaning and unit.
+    fn to_toml(&self) -> String {
+        self.checked.to_toml()
+    }
+
+    /// Its vehicle.
+    #[getter]
+    fn vehicle(&self) -> Vehicle {
+        Vehicle { section: self.checked.vehicle.clone() }
+    }
+
+    /// One sentence for each pair of blocks whose poles are too close.
+    #[getter]
+    fn warnings(&self) -> Vec<String> {
+        self.checked.warnings()
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.checked == other.checked
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Config(vehicle='{}')", self.checked.vehicle.name())
+    }
+}

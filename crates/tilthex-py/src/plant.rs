@@ -1,0 +1,140 @@
+//! `tilthex.Plant`.
+
+use crate::{
+    convert::{self, array1, array2},
+    vehicle::Vehicle,
+};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use tilthex_core::{
+    GRAVITY, Vector3, Wrench,
+    plant::{Plant as Block, PlantState},
+};
+
+/// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10).
+/// It begins in a level hover.
+#[pyclass(module = "tilthex")]
+pub(crate) struct Plant {
+    block: Block,
+    state: PlantState,
+    external: Wrench,
+}
+
+#[pymethods]
+impl Plant {
+    #[new]
+    #[pyo3(signature = (vehicle, position=None))]
+    fn new(vehicle: &Vehicle, position: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let block = Block::new(*vehicle.core());
+        let position = position.map_or(Ok(Vector3::zeros()), |p| convert::vector("position", p))?;
+        Ok(Self { block, state: block.hover(position), external: Wrench::ZERO })
+    }
+
+    /// Moves on by `dt` seconds under commanded rotor speeds, (n,), Hz, and
+    /// external wrenches held over the step: `wrench`, (6,), force in world and
+    /// torque in robot coordinates at the centre of mass; `tool_wrench`, (6,),
+    /// world, at the tool tip.
+    #[pyo3(signature = (rotor_speeds, *, wrench=None, tool_wrench=None, dt=0.001))]
+    fn step(
+        &mut self,
+        rotor_speeds: &Bound<'_, PyAny>,
+        wrench: Option<&Bound<'_, PyAny>>,
+        tool_wrench: Option<&Bound<'_, PyAny>>,
+        dt: f64,
+    ) -> PyResult<()> {
+        let command = convert::rotors("rotor_speeds", rotor_speeds, self.block.vehicle().rotor_count())?;
+        let mut external = wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?;
+        if let Some(w) = tool_wrench {
+            external = external + self.block.from_tool(&self.state, &convert::wrench("tool_wrench", w)?);
+        }
+        self.block.step(&mut self.state, &command, &external, convert::period(dt)?);
+        self.external = external;
+        Ok(())
+    }
+
+    /// Sets what is given of the state, and leaves the rest.
+    #[pyo3(signature = (*, position=None, velocity=None, rotation=None, angular_velocity=None, rotor_speeds=None))]
+    fn set_state(
+        &mut self,
+        position: Option<&Bound<'_, PyAny>>,
+        velocity: Option<&Bound<'_, PyAny>>,
+        rotation: Option<&Bound<'_, PyAny>>,
+        angular_velocity: Option<&Bound<'_, PyAny>>,
+        rotor_speeds: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
+        let mut next = self.state;
+        if let Some(p) = position {
+            next.robot.position_w = convert::vector("position", p)?;
+        }
+        if let Some(v) = velocity {
+            next.robot.velocity_w = convert::vector("velocity", v)?;
+        }
+        if let Some(r) = rotation {
+            next.robot.rotation_wr = convert::rotation("rotation", r)?;
+        }
+        if let Some(w) = angular_velocity {
+            next.robot.angular_velocity_r = convert::vector("angular_velocity", w)?;
+        }
+        if let Some(w) = rotor_speeds {
+            next.rotor_speeds = convert::rotors("rotor_speeds", w, self.block.vehicle().rotor_count())?;
+        }
+        self.state = next;
+        Ok(())
+    }
+
+    /// Centre of mass, m, world, (3,).
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.state.robot.position_w.as_slice())
+    }
+
+    /// m/s, world, (3,).
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.state.robot.velocity_w.as_slice())
+    }
+
+    /// `R_WR`, (3, 3).
+    #[getter]
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.state.robot.rotation_wr)
+    }
+
+    /// rad/s, robot, (3,).
+    #[getter]
+    fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.state.robot.angular_velocity_r.as_slice())
+    }
+
+    /// Rotor speeds, Hz, (n,).
+    #[getter]
+    fn rotor_speeds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, &self.state.rotor_speeds.as_slice()[..self.block.vehicle().rotor_count()])
+    }
+
+    /// Specific force at the centre of mass under the last step's wrench, m/s^2, robot, (3,).
+    #[getter]
+    fn specific_force<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let (acceleration_w, _) = self.block.accelerations(&self.state, &self.external);
+        let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
+        array1(py, (self.state.robot.rotation_wr.transpose() * free_w).as_slice())
+    }
+
+    /// Tool tip, m, world, (3,).
+    #[getter]
+    fn tool_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.block.tool_pose(&self.state).0.as_slice())
+    }
+
+    /// Maps tool coordinates to world coordinates, (3, 3).
+    #[getter]
+    fn tool_rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.block.tool_pose(&self.state).1)
+    }
+
+    /// Kinetic energy, J.
+    #[getter]
+    fn kinetic_energy(&self) -> f64 {
+        self.block.kinetic_energy(&self.state)
+    }
+}

@@ -1,0 +1,156 @@
+//! `tilthex.Setpoint` and `tilthex.Reference`.
+
+use crate::convert::{self, array1, array2, wrench_array};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use tilthex_core::{Vector3, Wrench};
+
+type Any<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
+    given.map_or(Ok(Vector3::zeros()), |v| convert::vector(name, v))
+}
+
+/// What the tool is asked to do: pose, twist and acceleration of the tool
+/// frame, all in world coordinates, and the wrench it shall exert on the
+/// environment (force N, torque N m, world, about the tip).
+#[pyclass(frozen, module = "tilthex", from_py_object)]
+#[derive(Clone, Copy)]
+pub(crate) struct Setpoint(pub(crate) tilthex_core::Setpoint);
+
+#[pymethods]
+impl Setpoint {
+    #[new]
+    #[pyo3(signature = (
+        position, rotation, velocity=None, angular_velocity=None, acceleration=None,
+        angular_acceleration=None, wrench=None
+    ))]
+    fn new(
+        position: &Bound<'_, PyAny>,
+        rotation: &Bound<'_, PyAny>,
+        velocity: Any<'_, '_>,
+        angular_velocity: Any<'_, '_>,
+        acceleration: Any<'_, '_>,
+        angular_acceleration: Any<'_, '_>,
+        wrench: Any<'_, '_>,
+    ) -> PyResult<Self> {
+        Ok(Self(tilthex_core::Setpoint {
+            position_w: convert::vector("position", position)?,
+            rotation_we: convert::rotation("rotation", rotation)?,
+            velocity_w: or_zero("velocity", velocity)?,
+            angular_velocity_w: or_zero("angular_velocity", angular_velocity)?,
+            acceleration_w: or_zero("acceleration", acceleration)?,
+            angular_acceleration_w: or_zero("angular_acceleration", angular_acceleration)?,
+            wrench_w: wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?,
+        }))
+    }
+
+    /// Tool tip, m, world, (3,).
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.position_w.as_slice())
+    }
+
+    /// Maps tool coordinates to world coordinates, (3, 3).
+    #[getter]
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.0.rotation_we)
+    }
+
+    /// m/s, world, (3,).
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.velocity_w.as_slice())
+    }
+
+    /// rad/s, world, (3,).
+    #[getter]
+    fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.angular_velocity_w.as_slice())
+    }
+
+    /// m/s^2, world, (3,).
+    #[getter]
+    fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.acceleration_w.as_slice())
+    }
+
+    /// rad/s^2, world, (3,).
+    #[getter]
+    fn angular_acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.angular_acceleration_w.as_slice())
+    }
+
+    /// Wrench the tool shall exert on the environment, world, (6,).
+    #[getter]
+    fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        wrench_array(py, &self.0.wrench_w)
+    }
+}
+
+/// What the centre of mass is asked to do: the pose controller's reference.
+/// Angular rates are in the reference's own body coordinates.
+#[pyclass(frozen, module = "tilthex", from_py_object)]
+#[derive(Clone, Copy)]
+pub(crate) struct Reference(pub(crate) tilthex_core::Reference);
+
+#[pymethods]
+impl Reference {
+    #[new]
+    #[pyo3(signature = (
+        position, rotation, velocity=None, angular_velocity=None, acceleration=None, angular_acceleration=None
+    ))]
+    fn new(
+        position: &Bound<'_, PyAny>,
+        rotation: &Bound<'_, PyAny>,
+        velocity: Any<'_, '_>,
+        angular_velocity: Any<'_, '_>,
+        acceleration: Any<'_, '_>,
+        angular_acceleration: Any<'_, '_>,
+    ) -> PyResult<Self> {
+        Ok(Self(tilthex_core::Reference {
+            position_w: convert::vector("position", position)?,
+            rotation_wr: convert::rotation("rotation", rotation)?,
+            velocity_w: or_zero("velocity", velocity)?,
+            angular_velocity_r: or_zero("angular_velocity", angular_velocity)?,
+            acceleration_w: or_zero("acceleration", acceleration)?,
+            angular_acceleration_r: or_zero("angular_acceleration", angular_acceleration)?,
+        }))
+    }
+
+    /// Centre of mass, m, world, (3,).
+    #[getter]
+    fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.position_w.as_slice())
+    }
+
+    /// Maps robot coordinates to world coordinates, (3, 3).
+    #[getter]
+    fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        array2(py, &self.0.rotation_wr)
+    }
+
+    /// m/s, world, (3,).
+    #[getter]
+    fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.velocity_w.as_slice())
+    }
+
+    /// rad/s, reference body, (3,).
+    #[getter]
+    fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.angular_velocity_r.as_slice())
+    }
+
+    /// m/s^2, world, (3,).
+    #[getter]
+    fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.acceleration_w.as_slice())
+    }
+
+    /// rad/s^2, reference body, (3,).
+    #[getter]
+    fn angular_acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.0.angular_acceleration_r.as_slice())
+    }
+}
