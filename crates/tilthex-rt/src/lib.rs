@@ -4,6 +4,7 @@
 //! The loop's thread never allocates, locks, logs or waits on anything but the
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
+pub mod app;
 pub mod config;
 pub mod control_loop;
 pub mod failure;

@@ -26,7 +26,7 @@ pub enum Demand {
 }
 
 /// How much of the stack is touched before the loop starts, bytes.
-pub const TOUCHED_STACK: usize = 256 * 1024;
+pub const TOUCHED_STACK: usize = 1024 * 1024;
 
 /// Stack of the loop's thread, bytes: what is touched and as much again.
 pub const LOOP_STACK: usize = 2 * TOUCHED_STACK;
@@ -36,16 +36,8 @@ pub const LOOP_STACK: usize = 2 * TOUCHED_STACK;
 pub struct Rights {
     /// One sentence for each right that was refused, with what mends it.
     pub warnings: Vec<String>,
-    /// Keeps the processor out of deep sleep while it is open.
-    latency: Option<File>,
-}
-
-impl Rights {
-    /// Whether the processor was asked to stay out of deep sleep, and granted it.
-    #[must_use]
-    pub fn keeps_processor_awake(&self) -> bool {
-        self.latency.is_some()
-    }
+    /// Keeps the processor out of deep sleep while it is kept, where the machine offers that.
+    pub held: Option<File>,
 }
 
 /// Asks for the rights of a real-time thread, for the calling thread:
@@ -78,7 +70,7 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     // What SCHED_FIFO has anyway; without it a sleep may end 50 us late on purpose.
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     touch_stack();
-    rights.latency = stay_awake();
+    rights.held = stay_awake();
     match (demand, rights.warnings.first()) {
         (Demand::Require, Some(first)) => Err(Failure::usage(first.clone())),
         _ => Ok(rights),

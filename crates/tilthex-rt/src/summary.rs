@@ -85,6 +85,8 @@ pub struct Statistics {
     pub faults: FaultSet,
     /// The loop was in flight.
     pub flew: bool,
+    /// The last text from the vehicle.
+    pub last_text: Option<String>,
     truth: Option<Truth>,
     steady: Option<Steady>,
     landing_for: FaultSet,
@@ -102,6 +104,9 @@ impl Statistics {
         self.period.record(timing.period);
         if timing.imu_to_command > 0 {
             self.imu_to_command.record(timing.imu_to_command);
+        }
+        if let Some((_, text)) = record.text {
+            self.last_text = Some(text.to_string());
         }
         self.flew |= record.phase.in_flight();
         if record.phase.in_flight() {

@@ -44,6 +44,7 @@ fn pose(p: &PoseSample) -> m::Pose {
 }
 
 /// The pose a message holds, to the bit; `None` where it is incomplete.
+#[allow(dead_code)] // for the replay
 pub(crate) fn pose_from(p: &m::Pose) -> Option<PoseSample> {
     let position = p.position_w.as_ref()?;
     Some(PoseSample {

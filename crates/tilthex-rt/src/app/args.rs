@@ -1,0 +1,100 @@
+//! What `tilthex-rt` is told.
+
+use std::path::PathBuf;
+
+use clap::{Parser, Subcommand};
+
+use crate::{
+    Failure,
+    config::{Config, VehicleSection},
+    realtime::Demand,
+};
+
+/// Flies a fully actuated multirotor as an end-effector.
+///
+/// Exit status: 0 done; 2 usage or configuration; 3 the vehicle's link; 4 a
+/// fault ended the flight (the vehicle landed); 130 interrupted (likewise).
+#[derive(Clone, Debug, Parser)]
+#[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
+pub struct Args {
+    #[command(subcommand)]
+    pub(super) action: Option<Action>,
+
+    /// The vehicle's serial port: a path, or the USB serial number of its adapter
+    #[arg(long, value_name = "DEV", global = true)]
+    pub port: Option<String>,
+
+    /// Speed of the line; 0 leaves it alone [default: the configuration's]
+    #[arg(long, value_name = "N", global = true)]
+    pub baud: Option<u32>,
+
+    /// The set-up [default: the preset tilt-hex]
+    #[arg(long, value_name = "FILE.toml", global = true)]
+    pub config: Option<PathBuf>,
+
+    /// Where poses come from, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
+    #[arg(long, value_name = "URI", global = true)]
+    pub mocap: Option<String>,
+
+    /// Way-points to fly after take-off [default: hover]
+    #[arg(long, value_name = "FILE.toml")]
+    pub trajectory: Option<PathBuf>,
+
+    /// The log to write [default: the configuration's]
+    #[arg(long, value_name = "FILE.mcap")]
+    pub log: Option<PathBuf>,
+
+    /// Land so long after take-off [default: when the trajectory ends, or on Ctrl-C]
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+
+    /// In place of --port: start a simulated vehicle and a simulated motion capture, and fly them
+    #[arg(long, conflicts_with_all = ["port", "mocap"])]
+    pub sim: bool,
+
+    /// With --sim: what pushes the tool, and when
+    #[arg(long, value_name = "FILE.toml", requires = "sim")]
+    pub pushes: Option<PathBuf>,
+
+    /// What to do where the machine refuses real-time rights
+    #[arg(long, value_enum, default_value = "prefer", global = true)]
+    pub realtime: Demand,
+
+    /// Write the complete effective configuration and end
+    #[arg(long)]
+    pub print_config: bool,
+}
+
+/// What to do instead of flying.
+#[derive(Clone, Debug, Subcommand)]
+pub(super) enum Action {
+    /// Check this computer before a flight, and say what to mend
+    Doctor,
+}
+
+impl Args {
+    /// The set-up they name.
+    ///
+    /// # Errors
+    /// One sentence: the file, the section, the key.
+    pub fn config(&self) -> Result<Config, Failure> {
+        let read = || match &self.config {
+            Some(path) => Config::from_file(path),
+            None => VehicleSection::preset("tilt-hex").map(Config::default_for),
+        };
+        let mut config = read().map_err(|e| Failure::usage(e.to_string()))?;
+        if let Some(baud) = self.baud {
+            config.link.baud = baud;
+        }
+        if let Some(uri) = &self.mocap {
+            config.mocap.uri.clone_from(uri);
+        }
+        if let Some(path) = &self.log {
+            config.log.path = path.display().to_string();
+        }
+        if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
+            return Err(Failure::usage("--duration is not a time; expected seconds from 0 on"));
+        }
+        Ok(config)
+    }
+}

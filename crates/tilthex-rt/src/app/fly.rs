@@ -1,0 +1,176 @@
+//! Puts a flight together, watches it, and says how it ended.
+
+use std::{
+    path::PathBuf,
+    sync::{Arc, atomic::AtomicBool, mpsc},
+    time::Duration,
+};
+
+use rtrb::RingBuffer;
+use tilthex_core::{
+    PoseSample,
+    flight::{Command, Flight},
+};
+
+use super::{Args, report, status};
+use crate::{
+    Failure,
+    config::Config,
+    control_loop::{ControlLoop, End, LoopParams},
+    log::Attachments,
+    orders,
+    port::Port,
+    realtime,
+    recorder::{Recorder, RecorderParams, TruthFeed},
+    reference::Reference,
+    sim::{Pushes, Server, Simulation, SimulationParams},
+};
+
+/// Poses that may wait for the loop.
+const POSE_RING: usize = 64;
+/// Orders that may wait for the loop.
+const COMMAND_RING: usize = 8;
+/// Cycles of the simulation between two captured poses.
+const CAPTURE_EVERY: u64 = 10;
+/// How long a start without orders waits for everything to be ready, s.
+const PATIENCE: f64 = 30.0;
+
+/// Flies.
+pub(super) fn fly(args: &Args) -> Result<(), Failure> {
+    let config = args.config()?;
+    for warning in config.warnings() {
+        eprintln!("tilthex-rt: warning: {warning}");
+    }
+    let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
+    let route = match &args.trajectory {
+        Some(path) => Some(orders::read_route(path, &config.mission.limits())?),
+        None => None,
+    };
+    let flight = Flight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
+    let land = land_on_signals()?;
+    let (recorder, feed, truths) = Recorder::start(recorder_params(&config))?;
+    let (poses_in, poses) = RingBuffer::new(POSE_RING);
+    let (_commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
+    let simulated = if args.sim { Some(simulate(args, &config, poses_in, truths)?) } else { None };
+    let (name, baud) = match (&simulated, &args.port) {
+        (Some(server), _) => (server.path().display().to_string(), 0),
+        (None, Some(port)) => (port.clone(), config.link.baud),
+        (None, None) => {
+            return Err(Failure::usage(
+                "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
+            ));
+        }
+    };
+    let port = Port::open(&name, baud)?;
+    let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
+    let control_loop = ControlLoop {
+        flight,
+        port,
+        poses,
+        commands,
+        feed,
+        land: Arc::clone(&land),
+        params: LoopParams {
+            period,
+            duration: args.duration,
+            land_after_route: args.trajectory.is_some(),
+            patience: Some(PATIENCE),
+        },
+    };
+    let running = start(control_loop, args.realtime)?;
+    let reference = simulated.as_ref().and_then(|_| Reference::start(period, args.realtime).ok());
+    let end = status::watch(&running, &recorder.observer());
+    let slept = reference.map(Reference::stop);
+    let simulated = simulated.map(Server::stop);
+    let recorded = recorder.finish();
+    report::print(&config, &recorded, slept, simulated.as_ref());
+    report::outcome(end, &name, &land, &recorded)
+}
+
+/// The running loop: it says how it ended.
+pub(super) struct Running {
+    pub(super) end: mpsc::Receiver<End>,
+}
+
+/// Starts the loop's thread, once it has its rights.
+fn start(control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running, Failure> {
+    let (say_rights, rights) = mpsc::sync_channel(1);
+    let (say_end, end) = mpsc::sync_channel(1);
+    std::thread::Builder::new()
+        .name("loop".into())
+        .stack_size(realtime::LOOP_STACK)
+        .spawn(move || {
+            let rights = realtime::acquire(demand);
+            let refused = rights.is_err();
+            // Kept open: closing it lets the processor sleep deeply again.
+            let (held, said) = match rights {
+                Ok(rights) => (Some(rights.held), Ok(rights.warnings)),
+                Err(failure) => (None, Err(failure)),
+            };
+            let _ = say_rights.send(said);
+            if !refused {
+                let _ = say_end.send(control_loop.run());
+            }
+            drop(held);
+        })
+        .map_err(|e| Failure::usage(format!("the loop's thread can not be started: {e}")))?;
+    let warnings = rights.recv().map_err(|_| Failure::usage("the loop's thread ended before it began"))??;
+    for warning in warnings {
+        eprintln!("tilthex-rt: warning: {warning}");
+    }
+    Ok(Running { end })
+}
+
+/// SIGINT, SIGTERM and SIGHUP ask to land.
+fn land_on_signals() -> Result<Arc<AtomicBool>, Failure> {
+    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+    let land = Arc::new(AtomicBool::new(false));
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register(signal, Arc::clone(&land))
+            .map_err(|e| Failure::usage(format!("signal {signal} can not be handled: {e}")))?;
+    }
+    Ok(land)
+}
+
+fn recorder_params(config: &Config) -> RecorderParams {
+    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+    let black_box = log.as_ref().map_or_else(
+        || {
+            let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
+            PathBuf::from(format!("tilthex-fault-{}.mcap", unix.as_secs()))
+        },
+        |log| log.with_extension("fault.mcap"),
+    );
+    RecorderParams {
+        log,
+        black_box,
+        attachments: Attachments { config: config.to_toml() },
+        rotor_count: config.vehicle.vehicle().rotor_count(),
+    }
+}
+
+/// Starts the simulated vehicle and its motion capture.
+fn simulate(
+    args: &Args,
+    config: &Config,
+    mut poses: rtrb::Producer<PoseSample>,
+    mut truths: TruthFeed,
+) -> Result<Server, Failure> {
+    let mut params = SimulationParams::new(*config.vehicle.vehicle());
+    if let Some(path) = &args.pushes {
+        params.pushes = Pushes::read(path)?;
+    }
+    let mut cycle = 0_u64;
+    let observer = move |at, simulation: &mut Simulation| {
+        cycle += 1;
+        if !cycle.is_multiple_of(CAPTURE_EVERY) {
+            return;
+        }
+        let time = at as f64 * 1e-9;
+        let (position_w, rotation_wr) = simulation.captured_pose();
+        let _ = poses.push(PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true });
+        let _ = truths.push((time, simulation.truth()));
+    };
+    Server::start(Simulation::new(params), Box::new(observer))
+        .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
+}

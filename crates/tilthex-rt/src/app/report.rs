@@ -1,0 +1,154 @@
+//! The summary at the end, and what the end means for the exit status.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use nalgebra::Vector6;
+use tilthex_core::{
+    Vector3,
+    supervisor::{Fault, TABLE},
+};
+
+use crate::{
+    Failure, Kind, config::Config, control_loop::End, log::fault_names, recorder::Recorded, reference::Slept,
+    sim::Report, summary::Deflection,
+};
+
+/// Prints the figures of a flight.
+pub(super) fn print(config: &Config, recorded: &Recorded, slept: Option<Slept>, simulated: Option<&Report>) {
+    let s = &recorded.latest.statistics;
+    println!(
+        "ticks               {} at {} Hz, {} with an inertial sample",
+        s.ticks, config.link.imu_rate, s.with_imu
+    );
+    let machine = slept.map_or(String::new(), |slept| {
+        format!(" (a thread that only sleeps lost {} on this machine)", slept.skipped)
+    });
+    println!("late ticks          {} periods skipped{machine}", s.skipped);
+    for (name, quantiles) in s.times() {
+        println!("  {name:32}  {quantiles}");
+    }
+    if let Some(slept) = slept {
+        println!("  {:32}  {}", "wake-up of that other thread", slept.wake);
+    }
+    if let Some(report) = simulated {
+        println!("  {:32}  {}", "IMU byte out of vehicle to command in", report.imu_to_command);
+    }
+    if s.flew {
+        println!(
+            "tracking error      {:.1} mm rms, {:.1} mm at most",
+            1e3 * s.tracking.rms(),
+            1e3 * s.tracking.max
+        );
+    }
+    if simulated.is_some() && s.flew {
+        println!(
+            "tool force          estimate {:.3} N rms off the true one, {:.2} N at most",
+            s.force.rms(),
+            s.force.max
+        );
+    }
+    if let Some(deflection) = &s.deflection {
+        let (found, expected) = (deflection.tool_w.norm(), spring(config, deflection).norm());
+        println!(
+            "deflection          {:.1} mm under {:.2} N; the spring's (f - dead zone) / K is {:.1} mm: {:+.1} mm",
+            1e3 * found,
+            deflection.force_w.norm(),
+            1e3 * expected,
+            1e3 * (found - expected)
+        );
+    }
+    if recorded.latest.dropped > 0 {
+        println!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
+    }
+    match (&recorded.latest.error, config.log.path.is_empty()) {
+        (Some(error), _) => println!("log                 {} breaks off: {error}", config.log.path),
+        (None, false) => println!("log                 {}", config.log.path),
+        (None, true) => {}
+    }
+    if let Some(path) = &recorded.black_box {
+        println!("last 10 s           {}", path.display());
+    }
+}
+
+/// How far the configured spring yields to a push at rest.
+fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
+    let admittance = &config.admittance;
+    let norm = deflection.force_w.norm();
+    let left = (norm - admittance.force_dead_zone).max(0.0) / norm;
+    let f = deflection.force_w * left;
+    let stiffness = admittance.stiffness.0;
+    let solved = stiffness.lu().solve(&Vector6::new(f.x, f.y, f.z, 0.0, 0.0, 0.0));
+    solved.map_or_else(|| Vector3::repeat(f64::NAN), |e| e.fixed_rows::<3>(0).into_owned())
+}
+
+/// What the end means for the exit status.
+pub(super) fn outcome(
+    end: Option<End>,
+    port: &str,
+    land: &AtomicBool,
+    recorded: &Recorded,
+) -> Result<(), Failure> {
+    let asked = land.load(Ordering::Relaxed);
+    match end {
+        Some(End::Landed(None | Some(Fault::Operator))) if asked => {
+            Err(interrupted("the vehicle has landed"))
+        }
+        Some(End::Landed(None | Some(Fault::Operator))) => Ok(()),
+        Some(End::Landed(Some(fault))) => {
+            let row = &TABLE[fault as usize];
+            let remark = if row.remark.is_empty() { String::new() } else { format!("; {}", row.remark) };
+            Err(Failure::fault(format!(
+                "the vehicle landed on a fault: {} ({}){remark}",
+                row.name, row.detection
+            )))
+        }
+        Some(End::Interrupted) => Err(interrupted("the vehicle had not started")),
+        Some(End::NoVehicle) => {
+            let heard = match &recorded.latest.statistics.last_text {
+                Some(text) => format!("what answered says \"{text}\""),
+                None => "nothing understandable answered".into(),
+            };
+            Err(Failure::link(format!(
+                "{port}: no vehicle identified itself in 2 s: {heard}; expected mkfl, flymu, chimera or teensy with a \
+                 version: check port, power and speed of the line"
+            )))
+        }
+        Some(End::LinkLost { in_flight: true }) => Err(Failure::link(format!(
+            "{port} went away in flight: the vehicle falls back to its lowest speeds after 0.5 s and stops its motors 10 s \
+             later; check cable and adapter"
+        ))),
+        Some(End::LinkLost { in_flight: false }) => {
+            Err(Failure::link(format!("{port} went away: check cable and adapter")))
+        }
+        Some(End::Refused(faults)) => {
+            Err(Failure::fault(format!("the motors were not started: {}", causes(faults))))
+        }
+        Some(End::NotReady { link_ready: false, .. }) => Err(Failure::link(format!(
+            "{port}: the vehicle identified itself, but its streams did not come; check speed and load of the line"
+        ))),
+        Some(End::NotReady { faults, .. }) if !faults.is_empty() => {
+            Err(Failure::fault(format!("not ready to start: {}", causes(faults))))
+        }
+        Some(End::NotReady { pose_seen: false, .. }) => Err(Failure::fault(
+            "not ready to start: no pose came from motion capture; name it with --mocap, and check that the body is tracked",
+        )),
+        Some(End::NotReady { estimator: Some(reason), .. }) => {
+            Err(Failure::fault(format!("not ready to start: {reason}")))
+        }
+        Some(End::NotReady { .. }) => Err(Failure::fault("not ready to start: the streams are not complete")),
+        None => Err(Failure::fault("the loop broke off; what it sent last stays in force for 0.5 s")),
+    }
+}
+
+fn interrupted(how: &str) -> Failure {
+    Failure { kind: Kind::Interrupted, message: format!("interrupted: {how}") }
+}
+
+fn causes(faults: tilthex_core::supervisor::FaultSet) -> String {
+    let one = |row: &tilthex_core::supervisor::Row| {
+        let remark = if row.remark.is_empty() { String::new() } else { format!(": {}", row.remark) };
+        format!("{} ({}){remark}", row.name, row.detection)
+    };
+    let all: Vec<_> = faults.rows().map(one).collect();
+    if all.is_empty() { fault_names(faults) } else { all.join("; ") }
+}

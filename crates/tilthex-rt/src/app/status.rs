@@ -1,0 +1,69 @@
+//! The live status: one line, from a thread that is not the loop's.
+
+use std::{
+    io::{IsTerminal, Write, stdout},
+    sync::mpsc::RecvTimeoutError,
+    time::{Duration, Instant},
+};
+
+use super::fly::Running;
+use crate::{
+    control_loop::End,
+    log::fault_names,
+    recorder::{Latest, Observer},
+};
+
+const ON_A_TERMINAL: Duration = Duration::from_millis(200);
+const IN_A_FILE: Duration = Duration::from_secs(2);
+
+/// Prints the status until the loop ends.
+pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
+    let terminal = stdout().is_terminal();
+    let begin = Instant::now();
+    let end = loop {
+        let pause = if terminal { ON_A_TERMINAL } else { IN_A_FILE };
+        match running.end.recv_timeout(pause) {
+            Ok(end) => break Some(end),
+            Err(RecvTimeoutError::Disconnected) => break None,
+            Err(RecvTimeoutError::Timeout) => {
+                let line = line(begin.elapsed().as_secs_f64(), &observer.latest());
+                let mut out = stdout().lock();
+                // A closed pipe must not end a flight.
+                let _ = if terminal { write!(out, "\r{line}\x1b[K") } else { writeln!(out, "{line}") };
+                let _ = out.flush();
+            }
+        }
+    };
+    if terminal {
+        let _ = writeln!(stdout());
+    }
+    end
+}
+
+fn line(elapsed: f64, latest: &Latest) -> String {
+    let Some(tick) = &latest.tick else { return format!("{elapsed:6.1} s  no tick yet") };
+    let record = &tick.record;
+    let tool = &record.reference.position_w;
+    let force = &record.wrench_tool_w.force;
+    let mut line = format!("{elapsed:6.1} s  {:9}", record.phase.name());
+    if record.phase.in_flight() {
+        line += &format!(
+            "  tool [{:+.3} {:+.3} {:+.3}] m  force [{:+.2} {:+.2} {:+.2}] N  error {:4.1} mm",
+            tool.x,
+            tool.y,
+            tool.z,
+            force.x,
+            force.y,
+            force.z,
+            1e3 * record.position_error_w.norm()
+        );
+    }
+    if record.battery.is_finite() {
+        line += &format!("  battery {:.1} V", record.battery);
+    }
+    line += &format!("  late {}", latest.statistics.skipped);
+    if !record.faults.is_empty() {
+        line += &format!("  [{}]", fault_names(record.faults));
+    }
+    line
+}
