@@ -127,11 +127,11 @@ impl RouteText {
 }
 
 /// Six numbers of a diagonal, or a 6x6 matrix row by row.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[serde(untagged)]
 enum SquareText {
     Diagonal([f64; 6]),
-    Full([[f64; 6]; 6]),
+    Full(Box<[[f64; 6]; 6]>),
 }
 
 impl SquareText {
