@@ -52,8 +52,8 @@ impl Default for EstimatorParams {
     fn default() -> Self {
         Self {
             process: ProcessNoise::default(),
-            position_noise: 0.5e-3,
-            rotation_noise: 3e-3,
+            position_noise: 0.3e-3,
+            rotation_noise: 0.12f64.to_radians(),
             imu_position_r: Vector3::zeros(),
             imu_rotation_ri: Matrix3::identity(),
             body_position_r: Vector3::zeros(),
@@ -64,7 +64,7 @@ impl Default for EstimatorParams {
             reacquire_after: 0.3,
             coast_after: 0.1,
             lost_position: 0.3,
-            lost_rotation: 0.2,
+            lost_rotation: 12f64.to_radians(),
             angular_acceleration_hz: 20.0,
             initial: InitialDeviation::default(),
             rest: RestParams::default(),

@@ -63,7 +63,7 @@ pub struct ProcessNoise {
 impl Default for ProcessNoise {
     /// A good MEMS IMU on a vibrating frame.
     fn default() -> Self {
-        Self { gyro: 1e-3, accelerometer: 1e-2, gyro_bias: 1e-4, accelerometer_bias: 1e-3 }
+        Self { gyro: 5e-4, accelerometer: 1e-2, gyro_bias: 1e-4, accelerometer_bias: 1e-3 }
     }
 }
 
@@ -93,7 +93,13 @@ pub struct InitialDeviation {
 
 impl Default for InitialDeviation {
     fn default() -> Self {
-        Self { position: 0.01, velocity: 0.1, rotation: 0.02, gyro_bias: 0.02, accelerometer_bias: 0.2 }
+        Self {
+            position: 0.01,
+            velocity: 0.1,
+            rotation: 1f64.to_radians(),
+            gyro_bias: 0.02,
+            accelerometer_bias: 0.2,
+        }
     }
 }
 

@@ -1,14 +1,11 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, EstimatorSection, LinkSection, MissionSection, Section, SupervisorSection};
+use super::{Config, ConfigError, LinkSection, MissionSection, Section, SupervisorSection};
 use tilthex_core::{
-    Vehicle,
-    estimator::{Estimator, EstimatorParams},
+    estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, SessionParams, WatchParams},
     link::tk3::ImuScales,
-    so3,
     trajectory::Limits,
-    ukf::ProcessNoise,
 };
 
 impl Config {
@@ -17,7 +14,7 @@ impl Config {
     /// # Errors
     /// The key of `[estimator]` that can not be.
     pub fn estimator_params(&self) -> Result<EstimatorParams, ConfigError> {
-        self.estimator.params(self.vehicle.vehicle()).map_err(|e| e.within("[estimator]"))
+        self.estimator.params(self.vehicle.vehicle())
     }
 
     /// The parameters of a flight; `take_off` starts it without a command.
@@ -35,33 +32,6 @@ impl Config {
             take_off,
         };
         Flight::new(params, None)?;
-        Ok(params)
-    }
-}
-
-impl EstimatorSection {
-    fn params(&self, vehicle: &Vehicle) -> Result<EstimatorParams, ConfigError> {
-        let body_rotation_rc = so3::from_quaternion_xyzw(self.body_quaternion_xyzw)
-            .ok_or_else(|| ConfigError::new("body_quaternion_xyzw has not the norm 1"))?;
-        let params = EstimatorParams {
-            process: ProcessNoise {
-                gyro: self.gyro_noise,
-                accelerometer: self.accelerometer_noise,
-                gyro_bias: self.gyro_bias_walk,
-                accelerometer_bias: self.accelerometer_bias_walk,
-            },
-            position_noise: self.position_noise,
-            rotation_noise: self.rotation_noise_deg.to_radians(),
-            imu_position_r: vehicle.imu().position_r,
-            imu_rotation_ri: vehicle.imu().rotation_r,
-            body_position_r: self.body_position.vector(),
-            body_rotation_rc,
-            gate_probability: self.gate_probability,
-            history: self.history,
-            latency: self.latency,
-            ..EstimatorParams::default()
-        };
-        Estimator::new(params)?;
         Ok(params)
     }
 }

@@ -5,6 +5,7 @@
 //! key, add a line to its section.
 
 mod control;
+mod estimator;
 mod flight;
 mod section;
 mod sections;
@@ -13,10 +14,9 @@ mod values;
 mod vehicle;
 
 pub use control::{AdmittanceSection, AllocationSection, PoseControlSection, WrenchObserverSection};
+pub use estimator::EstimatorSection;
 pub use section::{ConfigError, Key, Section};
-pub use sections::{
-    EstimatorSection, LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection,
-};
+pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};

@@ -1,34 +1,6 @@
 //! The sections of what surrounds the controller.
 
-use super::{section::section, values::Axes};
-
-section! {
-    /// The state estimator, an unscented Kalman filter on SO(3) x R^12.
-    pub EstimatorSection as "estimator" {
-        /// Standard deviation of a captured position, m an axis.
-        position_noise: f64 = 0.5e-3,
-        /// Standard deviation of a captured orientation, degrees an axis.
-        rotation_noise_deg: f64 = 0.17,
-        /// White noise of the gyroscope, rad/s/sqrt(Hz).
-        gyro_noise: f64 = 1e-3,
-        /// White noise of the accelerometer, m/s^2/sqrt(Hz).
-        accelerometer_noise: f64 = 1e-2,
-        /// Random walk of the gyroscope's bias, rad/s/sqrt(s).
-        gyro_bias_walk: f64 = 1e-4,
-        /// Random walk of the accelerometer's bias, m/s^2/sqrt(s).
-        accelerometer_bias_walk: f64 = 1e-3,
-        /// Origin of the captured body, m, robot axes.
-        body_position: Axes<3> = Axes([0.0; 3]),
-        /// Orientation of the captured body in the robot, as a quaternion (x, y, z, w).
-        body_quaternion_xyzw: [f64; 4] = [0.0, 0.0, 0.0, 1.0],
-        /// Probability with which a good pose passes the gate.
-        gate_probability: f64 = 0.9999,
-        /// Time over which late poses are still applied, s.
-        history: f64 = 0.3,
-        /// Constant latency taken off every pose's time, s: for capture systems that stamp on arrival.
-        latency: f64 = 0.0,
-    }
-}
+use super::section::section;
 
 section! {
     /// The serial link to the vehicle.

@@ -233,7 +233,7 @@ fn read_complete<S: Section>(table: &Table, place: &str) -> Result<S, ConfigErro
     Ok(section)
 }
 
-fn mounting(position: &Axes<3>, rotation_deg: &Axes<3>) -> Mounting {
+pub(super) fn mounting(position: &Axes<3>, rotation_deg: &Axes<3>) -> Mounting {
     let [roll, pitch, yaw] = rotation_deg.0.map(f64::to_radians);
     Mounting {
         position_r: position.vector(),
