@@ -109,7 +109,9 @@ proptest! {
             .iter()
             .map(|p| PoseSample { arrival: p.time + latency + jitter * random.uniform(), ..*p })
             .collect();
-        let (mut prompt, mut delayed) = (Estimator::new(params()).unwrap(), Estimator::new(params()).unwrap());
+        // A gate that never shuts: whether one pose in ten thousand is refused may depend on the order.
+        let params = EstimatorParams { gate_probability: 1.0 - 1e-12, ..params() };
+        let (mut prompt, mut delayed) = (Estimator::new(params).unwrap(), Estimator::new(params).unwrap());
         run(&mut prompt, &recording, &poses, |_, _| ());
         run(&mut delayed, &recording, &late, |_, _| ());
         prop_assert_eq!(delayed.health().counts.accepted, prompt.health().counts.accepted);
