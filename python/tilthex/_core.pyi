@@ -7,7 +7,29 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ['AdmittanceFilter', 'Allocation', 'Allocator', 'Config', 'Controller', 'GRAVITY', 'Output', 'Plant', 'PoseCommand', 'PoseController', 'Reference', 'Setpoint', 'Trajectory', 'Vehicle', 'WrenchObserver', '__version__', 'exp', 'hat', 'log', 'project', 'vee']
+__all__ = [
+    "GRAVITY",
+    "AdmittanceFilter",
+    "Allocation",
+    "Allocator",
+    "Config",
+    "Controller",
+    "Output",
+    "Plant",
+    "PoseCommand",
+    "PoseController",
+    "Reference",
+    "Setpoint",
+    "Trajectory",
+    "Vehicle",
+    "WrenchObserver",
+    "__version__",
+    "exp",
+    "hat",
+    "log",
+    "project",
+    "vee",
+]
 
 _Array = NDArray[np.float64]
 
