@@ -26,6 +26,7 @@ from tilthex._core import (
     WrenchObserver,
     __version__,
 )
+from tilthex.simulation import Run, simulate
 
 __all__ = [
     "GRAVITY",
@@ -39,10 +40,12 @@ __all__ = [
     "PoseCommand",
     "PoseController",
     "Reference",
+    "Run",
     "Setpoint",
     "Trajectory",
     "Vehicle",
     "WrenchObserver",
     "__version__",
+    "simulate",
     "so3",
 ]

@@ -28,6 +28,7 @@ __all__ = [
     "hat",
     "log",
     "project",
+    "simulate",
     "vee",
 ]
 
@@ -41,6 +42,20 @@ def vee(m: ArrayLike) -> _Array: ...
 def exp(v: ArrayLike) -> _Array: ...
 def log(r: ArrayLike) -> _Array: ...
 def project(m: ArrayLike) -> _Array: ...
+def simulate(
+    config: Config,
+    *,
+    duration: float,
+    setpoint: Setpoint | None = None,
+    trajectory: Trajectory | None = None,
+    pushes: Sequence[dict[str, Any]] | None = None,
+    noise: float = 1.0,
+    gyro_bias: ArrayLike | None = None,
+    accelerometer_bias: ArrayLike | None = None,
+    seed: int = 0,
+    estimator: bool = True,
+    pose_delay: float = 0.015,
+) -> dict[str, _Array]: ...
 
 @final
 class Vehicle:

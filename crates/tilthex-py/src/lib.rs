@@ -7,6 +7,7 @@ mod controller;
 mod convert;
 mod plant;
 mod setpoint;
+mod simulate;
 mod so3;
 mod trajectory;
 mod vehicle;
@@ -18,6 +19,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("GRAVITY", tilthex_core::GRAVITY)?;
     so3::register(module)?;
+    module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_class::<blocks::AdmittanceFilter>()?;
     module.add_class::<blocks::Allocation>()?;
     module.add_class::<blocks::Allocator>()?;

@@ -17,6 +17,7 @@ pub mod realtime;
 pub mod recorder;
 pub mod reference;
 pub mod sim;
+pub mod simulate;
 pub mod sleeper;
 pub mod summary;
 mod sys;

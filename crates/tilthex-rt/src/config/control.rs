@@ -31,9 +31,9 @@ section! {
     /// The wrench observer, (19) and (21). Each gain: one number, or one an axis.
     pub WrenchObserverSection as "wrench_observer" {
         /// L: rate at which the force estimate follows, world axes, 1/s.
-        force_gain: Axes<3> = Axes([20.0; 3]),
+        force_gain: Axes<3> = Axes([30.0; 3]),
         /// K_I: rate at which the torque estimate follows, robot axes, 1/s.
-        torque_gain: Axes<3> = Axes([20.0; 3]),
+        torque_gain: Axes<3> = Axes([30.0; 3]),
     }
 }
 

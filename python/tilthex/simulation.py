@@ -1,0 +1,89 @@
+"""A whole closed loop, simulated in Rust."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tilthex import _core
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+class Run(dict[str, NDArray[np.float64]]):
+    """Named arrays, (N, k), one row a control period of 2 ms.
+
+    `time` s; `position`, `velocity`, `rotation` (row by row), `angular_velocity`
+    of the robot as it truly moves; `tool_position`, `tool_rotation`;
+    `estimated_position`, `estimated_velocity`, `estimated_rotation` as the
+    controller is given them; `setpoint_position`, `setpoint_rotation`,
+    `reference_position`, `reference_rotation` of the tool; `position_error`,
+    `rotation_error` of the pose controller; `wrench_robot`, `wrench_tool` as
+    observed, `wrench_true` at the tool; `rotor_speeds`, `rotor_command` Hz;
+    `saturated` 0 or 1.
+    """
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """One column a number, named `position_0`, ...; indexed by time. Needs pandas."""
+        import pandas as pd
+
+        columns = {
+            name if array.shape[1] == 1 else f"{name}_{k}": array[:, k]
+            for name, array in self.items()
+            for k in range(array.shape[1])
+        }
+        frame: pd.DataFrame = pd.DataFrame(columns).set_index("time")
+        return frame
+
+
+def simulate(
+    config: _core.Config,
+    *,
+    duration: float,
+    setpoint: _core.Setpoint | None = None,
+    trajectory: _core.Trajectory | None = None,
+    pushes: Sequence[dict[str, Any]] = (),
+    noise: float = 1.0,
+    gyro_bias: ArrayLike | None = None,
+    accelerometer_bias: ArrayLike | None = None,
+    seed: int = 0,
+    estimator: bool = True,
+    pose_delay: float = 0.015,
+) -> Run:
+    """Flies the controller on the plant, in Rust and without the GIL.
+
+    Args:
+        config: The set-up; its vehicle is flown.
+        duration: Length, s.
+        setpoint: A tool pose to hold; the flight begins at rest there. Either this or
+        trajectory: A way of the tool; the flight begins at rest on its start.
+        pushes: What pushes the tool: dicts with `at` and `duration`, s, and
+            `force`, N, or `torque`, N m, or both, (3,), world, at the tip.
+        noise: Times the noise of the experiments: 1 sigma of 0.3 mm, 2 mrad, 5 mrad/s,
+            0.15 m/s^2 and 0.1 Hz; 0 for ideal sensors.
+        gyro_bias: Constant bias of the gyroscope, rad/s, IMU axes, (3,).
+        accelerometer_bias: Likewise of the accelerometer, m/s^2.
+        seed: The same seed gives the same flight.
+        estimator: Whether the controller is given the estimator's state, from
+            inertial samples at 500 Hz and poses at 100 Hz; otherwise the true pose and twist.
+        pose_delay: Age of a captured pose when it arrives, s.
+    """
+    return Run(
+        _core.simulate(
+            config,
+            duration=duration,
+            setpoint=setpoint,
+            trajectory=trajectory,
+            pushes=list(pushes),
+            noise=noise,
+            gyro_bias=gyro_bias,
+            accelerometer_bias=accelerometer_bias,
+            seed=seed,
+            estimator=estimator,
+            pose_delay=pose_delay,
+        )
+    )
