@@ -5,6 +5,7 @@
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
 pub mod app;
+pub mod campaign;
 pub mod config;
 pub mod control_loop;
 pub mod failure;

@@ -70,6 +70,15 @@ pub struct Args {
 pub(super) enum Action {
     /// Check this computer before a flight, and say what to mend
     Doctor,
+    /// Fly many random faulty flights on virtual time
+    Campaign {
+        /// How many
+        #[arg(long, short, default_value_t = 1000)]
+        number: u64,
+        /// The seed of the first; each flight has the next one
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+    },
 }
 
 impl Args {

@@ -9,8 +9,11 @@ pub use args::Args;
 
 use clap::Parser;
 
-use crate::Failure;
+use crate::{Failure, campaign};
 use args::Action;
+
+/// Failures of a campaign that are shown one by one.
+const SHOWN_FAILURES: usize = 40;
 
 /// Runs the program.
 ///
@@ -25,5 +28,20 @@ pub fn run() -> Result<(), Failure> {
         }
         None => fly::fly(&args),
         Some(Action::Doctor) => Ok(()),
+        Some(Action::Campaign { number, seed }) => {
+            let summary = campaign::run(&args.config()?, *number, *seed)?;
+            print!("{}", summary.table());
+            let failures = summary.failures();
+            for failure in failures.iter().take(SHOWN_FAILURES) {
+                println!("failed: {failure}");
+            }
+            match failures.first() {
+                None => Ok(()),
+                Some(first) => Err(Failure::fault(format!(
+                    "{} of {number} faulty flights failed, the first: {first}",
+                    failures.len()
+                ))),
+            }
+        }
     }
 }

@@ -87,6 +87,8 @@ pub struct Simulation {
     tool_wrench_w: Wrench,
     /// Part of each rotor's speed that its motor reaches.
     health: RotorVector,
+    /// Part of its thrust that each rotor has.
+    thrust: RotorVector,
     now: Micros,
 }
 
@@ -110,6 +112,7 @@ impl Simulation {
             external: Wrench::ZERO,
             tool_wrench_w: Wrench::ZERO,
             health: RotorVector::repeat(1.0),
+            thrust: RotorVector::repeat(1.0),
             now: 0,
         };
         simulation.settle();
@@ -148,9 +151,23 @@ impl Simulation {
 
     fn move_body(&mut self, dt: f64) {
         let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
-        self.external = self.ground.wrench(&self.state.robot) + push;
+        self.external = self.ground.wrench(&self.state.robot) + push - self.lost_thrust();
         let commands = self.firmware.commands().component_mul(&self.health);
         self.plant.step(&mut self.state, &commands, &self.external, dt);
+    }
+
+    /// What damaged rotors do not exert: force W, torque R.
+    fn lost_thrust(&self) -> Wrench {
+        let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
+        let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
+        let body = self.plant.vehicle().body_wrench(&lost);
+        Wrench { force: self.state.robot.rotation_wr * body.force, torque: body.torque }
+    }
+
+    /// The vehicle.
+    #[must_use]
+    pub fn vehicle(&self) -> &Vehicle {
+        self.plant.vehicle()
     }
 
     /// The pose as motion capture sees it now: position (m, W), rotation (R to W).
@@ -184,6 +201,13 @@ impl Simulation {
     pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
         if let Some(health) = self.health.get_mut(rotor) {
             *health = part;
+        }
+    }
+
+    /// Leaves a rotor (from 0) only a part of its thrust and drag, at the speed it turns with.
+    pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
+        if let Some(thrust) = self.thrust.get_mut(rotor) {
+            *thrust = part;
         }
     }
 
