@@ -1,6 +1,8 @@
 # What a person types. Needs cargo, Python 3.10+ and make, nothing else.
 PYTHON ?= python3
 VENV := .venv
+# Flights of the fault campaign.
+N ?= 10000
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
@@ -15,7 +17,9 @@ help:
 	@echo "make clean     remove what was built"
 
 demo:
-	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- --sim --duration 20
+	mkdir -p out
+	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- \
+		--sim --duration 20 --pushes examples/push.toml --log out/demo.mcap
 
 test: lint rust-test python-test
 
@@ -49,7 +53,7 @@ bench-rt:
 	cargo bench --locked -p tilthex-rt
 
 campaign:
-	cargo test --release --locked -p tilthex-rt --test campaign -- --ignored --nocapture
+	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- campaign --number $(N)
 
 clean:
 	cargo clean

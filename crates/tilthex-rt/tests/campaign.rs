@@ -2,10 +2,14 @@
 
 use std::path::Path;
 
-use tilthex_core::supervisor::{Fault, Reaction};
+use tilthex_core::{
+    flight::Flight,
+    supervisor::{Fault, Reaction},
+};
 use tilthex_rt::{
     campaign::{self, Injection, Kind, World},
     config::Config,
+    sim::{Push, Pushes, Simulation, SimulationParams},
 };
 
 fn hovering() -> World {
@@ -42,7 +46,6 @@ fn faults_are_seen_and_answered_as_the_table_says() {
         (Kind::CaptureLost, 0.3, Fault::PoseLost, Reaction::Hold),
         (Kind::CaptureLost, 1.0, Fault::PoseLostLong, Reaction::Land),
         (Kind::ImuFrozen, 2.0, Fault::ImuFrozen, Reaction::Land),
-        (Kind::ImuSaturated, 0.3, Fault::ImuSaturated, Reaction::Land),
         (Kind::Stopped, 0.1, Fault::OverrunLong, Reaction::Hold),
         (Kind::Unplugged, 2.0, Fault::LinkLost, Reaction::Descend),
         (Kind::DiskFull, 2.0, Fault::LogLost, Reaction::Note),
@@ -57,9 +60,13 @@ fn faults_are_seen_and_answered_as_the_table_says() {
 
 #[test]
 fn the_judge_sees_a_vehicle_that_flies_away() {
-    // Nobody corrects a thrust that is far too small on one side.
-    let broken = Injection { kind: Kind::RotorStuck, begin: 0.5, duration: 1.0, strength: 0.0, index: 0 };
-    let deaf = Injection { kind: Kind::CommandsLost, begin: 0.4, duration: 9.0, strength: 0.0, index: 0 };
-    let outcome = campaign::fly(hovering(), vec![broken, deaf], 1);
-    assert!(outcome.failure.is_some() || outcome.impact > 0.0 || !outcome.ended, "{outcome:?}");
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let params = config.flight_params(true).expect("valid");
+    let mut simulated = SimulationParams::new(params.vehicle);
+    // More than its rotors can hold against.
+    let push = Push { at: 10.0, duration: 20.0, force: [60.0, 0.0, 0.0], torque: [0.0; 3] };
+    simulated.pushes = Pushes::new(vec![push]);
+    let world = World::new(Simulation::new(simulated), Flight::new(params, None).expect("valid"), 1);
+    let failure = campaign::fly(world, vec![], 1).failure.expect("seen");
+    assert!(failure.contains("flew away"), "{failure}");
 }
