@@ -22,6 +22,7 @@ pub mod allocation;
 pub mod bias;
 pub mod clock_sync;
 pub mod controller;
+pub mod echo_clock;
 pub mod error;
 pub mod estimator;
 pub mod filters;

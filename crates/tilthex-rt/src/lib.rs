@@ -11,6 +11,7 @@ pub mod control_loop;
 pub mod failure;
 pub mod histogram;
 pub mod log;
+pub mod mocap;
 pub mod orders;
 pub mod phase_lock;
 pub mod port;

@@ -1,0 +1,65 @@
+//! What a client saw, readable from any thread at any time.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
+
+/// Counts of a client and its newest measure of the line.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Status {
+    /// Poses handed on.
+    pub poses: u32,
+    /// Frames in which the body was not tracked.
+    pub untracked: u32,
+    /// Frames that never came, by their numbers.
+    pub lost: u32,
+    /// Packets or messages that are malformed, and poses that are none.
+    pub refused: u32,
+    /// Poses that found the ring full.
+    pub dropped: u32,
+    /// Times that the capture's clock was found set anew.
+    pub clock_resets: u32,
+    /// Times that the server was silent and was asked again.
+    pub silences: u32,
+    /// Age of the poses when they arrive, s, smoothed over about 100 of them; 0 before the first.
+    pub latency: f64,
+}
+
+/// The shared side of [`Status`].
+#[derive(Debug, Default)]
+pub(super) struct Counters {
+    pub(super) poses: AtomicU32,
+    pub(super) untracked: AtomicU32,
+    pub(super) lost: AtomicU32,
+    pub(super) refused: AtomicU32,
+    pub(super) dropped: AtomicU32,
+    pub(super) clock_resets: AtomicU32,
+    pub(super) silences: AtomicU32,
+    /// Bits of an `f64`.
+    latency: AtomicU64,
+}
+
+/// Counts some more.
+pub(super) fn add(counter: &AtomicU32, more: u32) {
+    counter.fetch_add(more, Relaxed);
+}
+
+impl Counters {
+    pub(super) fn status(&self) -> Status {
+        Status {
+            poses: self.poses.load(Relaxed),
+            untracked: self.untracked.load(Relaxed),
+            lost: self.lost.load(Relaxed),
+            refused: self.refused.load(Relaxed),
+            dropped: self.dropped.load(Relaxed),
+            clock_resets: self.clock_resets.load(Relaxed),
+            silences: self.silences.load(Relaxed),
+            latency: f64::from_bits(self.latency.load(Relaxed)),
+        }
+    }
+
+    /// Takes the age of one pose, s. Only the client's thread writes.
+    pub(super) fn age(&self, age: f64) {
+        let mean = f64::from_bits(self.latency.load(Relaxed));
+        let mean = if mean == 0.0 { age } else { mean + 0.01 * (age - mean) };
+        self.latency.store(mean.to_bits(), Relaxed);
+    }
+}

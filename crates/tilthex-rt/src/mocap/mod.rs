@@ -1,0 +1,34 @@
+//! Motion capture over the network: the client that gives the loop its poses,
+//! and the servers with which a simulated vehicle shows its own.
+//!
+//! Each runs in a thread of its own. Between it and the loop is a wait-free ring.
+
+mod client;
+mod counters;
+mod delivery;
+mod gravity;
+mod natnet_client;
+mod natnet_server;
+mod uri;
+mod vrpn_client;
+mod vrpn_server;
+
+pub use client::{Client, ClientParams};
+pub use counters::Status;
+pub use delivery::{LineParams, Publication};
+pub use gravity::axis_hint;
+pub use natnet_server::{NatNetServer, NatNetServerParams};
+pub use uri::{MocapUri, Protocol};
+pub use vrpn_server::{VrpnServer, VrpnServerParams};
+
+use crate::sleeper::{Clock, Monotonic, Nanos};
+
+/// A time of the monotonic clock in seconds, as the core counts.
+fn seconds(time: Nanos) -> f64 {
+    time as f64 * 1e-9
+}
+
+/// The monotonic clock's time now, s.
+fn now() -> f64 {
+    seconds(Monotonic.now())
+}
