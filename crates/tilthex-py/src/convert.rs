@@ -59,6 +59,28 @@ fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f6
     if out.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(not_finite(name, out)) }
 }
 
+/// The numbers of an array of rows of this inner shape (nothing: single numbers), row by row.
+/// `count` is how many rows are expected, where that is known; NaN passes.
+pub(crate) fn rows(
+    name: &str,
+    object: &Bound<'_, PyAny>,
+    count: Option<usize>,
+    inner: &[usize],
+) -> PyResult<Vec<f64>> {
+    let array = float_array(name, object)?;
+    let shape = array.shape();
+    let fits = shape.split_first().is_some_and(|(n, rest)| rest == inner && count.is_none_or(|c| c == *n));
+    if !fits {
+        let first = count.map_or_else(|| "n".to_owned(), |c| c.to_string());
+        let rest = inner.iter().map(|n| format!(", {n}")).collect::<String>();
+        let expected = if inner.is_empty() { format!("({first},)") } else { format!("({first}{rest})") };
+        let found = shape_text(shape);
+        return Err(PyValueError::new_err(format!("{name} has shape {found}; expected {expected}")));
+    }
+    let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
+    Ok(view.as_array().iter().copied().collect())
+}
+
 fn not_finite(name: &str, values: &[f64]) -> PyErr {
     let worst = values.iter().find(|x| !x.is_finite()).copied().unwrap_or(f64::NAN);
     PyValueError::new_err(format!("{name} holds {worst}; expected finite numbers"))

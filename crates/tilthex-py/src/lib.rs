@@ -10,6 +10,7 @@ mod setpoint;
 mod simulate;
 mod so3;
 mod trajectory;
+mod ukf;
 mod vehicle;
 
 use pyo3::prelude::*;
@@ -33,6 +34,8 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<setpoint::Reference>()?;
     module.add_class::<setpoint::Setpoint>()?;
     module.add_class::<trajectory::Trajectory>()?;
+    module.add_class::<ukf::Ukf>()?;
+    module.add_class::<ukf::UkfRun>()?;
     module.add_class::<vehicle::Vehicle>()?;
     Ok(())
 }

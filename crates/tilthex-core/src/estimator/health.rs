@@ -14,6 +14,19 @@ pub enum Status {
     Lost,
 }
 
+impl Status {
+    /// What it is called in logs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Uninitialized => "uninitialized",
+            Self::Tracking => "tracking",
+            Self::Coasting => "coasting",
+            Self::Lost => "lost",
+        }
+    }
+}
+
 /// What became of a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
@@ -33,6 +46,23 @@ pub enum Outcome {
     Invalid,
     /// No pose has started the estimator yet.
     Uninitialized,
+}
+
+impl Outcome {
+    /// What it is called in logs.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Accepted => "accepted",
+            Self::PositionOnly => "position only",
+            Self::Rejected => "rejected",
+            Self::Pending => "pending",
+            Self::TooOld => "too old",
+            Self::Duplicate => "duplicate",
+            Self::Invalid => "invalid",
+            Self::Uninitialized => "uninitialized",
+        }
+    }
 }
 
 /// What the application of one pose showed.

@@ -470,6 +470,12 @@ impl Estimator {
         self.initialized
     }
 
+    /// The constant latency that is taken off every pose's time, s.
+    #[must_use]
+    pub fn latency(&self) -> f64 {
+        self.params.latency
+    }
+
     /// Time of the newest sample, s.
     #[must_use]
     pub fn time(&self) -> f64 {
