@@ -18,6 +18,7 @@ pub mod port;
 pub mod realtime;
 pub mod recorder;
 pub mod reference;
+pub mod replay;
 pub mod sim;
 pub mod simulate;
 pub mod sleeper;

@@ -244,18 +244,24 @@ impl Orders {
     }
 }
 
-/// Reads a trajectory file: `[limits]` and `[[waypoint]]` tables.
+/// Reads a file that people write.
 ///
 /// # Errors
-/// One sentence: the file, the line, what is wrong with it.
-pub fn read_route(path: &Path, base: &Limits) -> Result<Route, Failure> {
-    let refuse = |what: String| Failure::usage(format!("{}: {what}", path.display()));
-    let text = fs::read_to_string(path).map_err(|e| refuse(format!("can not be read: {e}")))?;
-    let route: RouteText = toml::from_str(&text).map_err(|e| {
+/// One sentence: the file, and why it can not be read.
+pub fn read_file(path: &Path) -> Result<String, Failure> {
+    fs::read_to_string(path).map_err(|e| Failure::usage(format!("{}: can not be read: {e}", path.display())))
+}
+
+/// The route of a trajectory file's text: `[limits]` and `[[waypoint]]` tables.
+///
+/// # Errors
+/// One sentence: the line, and what is wrong with it.
+pub fn parse_route(text: &str, base: &Limits) -> Result<Route, String> {
+    let route: RouteText = toml::from_str(text).map_err(|e| {
         let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        refuse(format!("line {line}: {}", e.message().replace('\n', " ")))
+        format!("line {line}: {}", e.message().replace('\n', " "))
     })?;
-    route.route(base).map_err(refuse)
+    route.route(base)
 }
 
 fn take<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, String> {
@@ -389,11 +395,7 @@ mod tests {
 
     #[test]
     fn a_trajectory_file() {
-        let file = tempfile::NamedTempFile::new().expect("a file");
-        let read = |text: &str| {
-            fs::write(file.path(), text).expect("written");
-            read_route(file.path(), &LIMITS)
-        };
+        let read = |text: &str| parse_route(text, &LIMITS);
         let route = read(
             "[limits]\nvelocity = 0.1\n[[waypoint]]\nposition = [0.0, 0.0, 1.0]\nhold = 2.0\n\
              [[waypoint]]\nposition = [0.5, 0.0, 1.0]\nyaw_pitch_roll_deg = [0.0, 10.0, 0.0]\nforce = [0.0, 0.0, -1.0]\n",
@@ -402,11 +404,12 @@ mod tests {
         assert_eq!(route.waypoints().len(), 2);
         assert_eq!(route.limits().velocity, 0.1);
         assert_eq!(route.limits().acceleration, LIMITS.acceleration);
-        let error = |text: &str| read(text).expect_err("refused").message;
+        let error = |text: &str| read(text).expect_err("refused");
         assert!(
             error("[[waypoint]]\nposition = [0, 0, 1]\nholds = 1\n")
                 .contains("line 3: unknown field `holds`")
         );
         assert!(error("").contains("0 way-points"));
+        assert!(read_file(Path::new("none.toml")).expect_err("absent").message.contains("none.toml"));
     }
 }

@@ -17,7 +17,7 @@ fn params(directory: &Path, log: &Path) -> RecorderParams {
     RecorderParams {
         log: Some(log.into()),
         black_box: directory.join("fault.mcap"),
-        attachments: Attachments { config: "[vehicle]\n".into() },
+        attachments: Attachments { config: "[vehicle]\n".into(), ..Attachments::default() },
         rotor_count: 6,
     }
 }

@@ -70,6 +70,11 @@ pub struct Args {
 pub(super) enum Action {
     /// Check this computer before a flight, and say what to mend
     Doctor,
+    /// Run a logged flight again from its raw inputs and compare every output, bit for bit
+    Replay {
+        /// The log
+        log: PathBuf,
+    },
     /// Fly many random faulty flights on virtual time
     Campaign {
         /// How many

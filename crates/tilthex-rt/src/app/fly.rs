@@ -42,13 +42,17 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         eprintln!("tilthex-rt: warning: {warning}");
     }
     let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
-    let route = match &args.trajectory {
-        Some(path) => Some(orders::read_route(path, &config.mission.limits())?),
-        None => None,
+    let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
+    let route = match (&trajectory, &args.trajectory) {
+        (Some(text), Some(path)) => {
+            let route = orders::parse_route(text, &config.mission.limits());
+            Some(route.map_err(|e| Failure::usage(format!("{}: {e}", path.display())))?)
+        }
+        _ => None,
     };
     let flight = Flight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let land = land_on_signals()?;
-    let (recorder, feed, truths) = Recorder::start(recorder_params(&config))?;
+    let (recorder, feed, truths) = Recorder::start(recorder_params(&config, trajectory, params.take_off))?;
     let (poses_in, poses) = RingBuffer::new(POSE_RING);
     let (_commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
     let simulated = if args.sim { Some(simulate(args, &config, poses_in, truths)?) } else { None };
@@ -132,7 +136,7 @@ fn land_on_signals() -> Result<Arc<AtomicBool>, Failure> {
     Ok(land)
 }
 
-fn recorder_params(config: &Config) -> RecorderParams {
+fn recorder_params(config: &Config, trajectory: Option<String>, take_off: bool) -> RecorderParams {
     let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
     let black_box = log.as_ref().map_or_else(
         || {
@@ -144,7 +148,7 @@ fn recorder_params(config: &Config) -> RecorderParams {
     RecorderParams {
         log,
         black_box,
-        attachments: Attachments { config: config.to_toml() },
+        attachments: Attachments { config: config.to_toml(), trajectory, take_off },
         rotor_count: config.vehicle.vehicle().rotor_count(),
     }
 }

@@ -9,7 +9,7 @@ pub use args::Args;
 
 use clap::Parser;
 
-use crate::{Failure, campaign};
+use crate::{Failure, campaign, replay};
 use args::Action;
 
 /// Failures of a campaign that are shown one by one.
@@ -28,6 +28,20 @@ pub fn run() -> Result<(), Failure> {
         }
         None => fly::fly(&args),
         Some(Action::Doctor) => Ok(()),
+        Some(Action::Replay { log }) => {
+            let found = replay::file(log)?;
+            println!("{} ticks, {} messages run again", found.ticks, found.messages);
+            match found.first_difference {
+                None => {
+                    println!("every recorded output is reproduced bit for bit");
+                    Ok(())
+                }
+                Some((tick, topic)) => Err(Failure::fault(format!(
+                    "{}: {topic} of tick {tick} comes out otherwise",
+                    log.display()
+                ))),
+            }
+        }
         Some(Action::Campaign { number, seed }) => {
             let summary = campaign::run(&args.config()?, *number, *seed)?;
             print!("{}", summary.table());

@@ -4,7 +4,7 @@ use std::{fs::File, io::BufWriter, path::Path};
 
 use mcap::{McapError, MessageStream, WriteOptions};
 
-use super::flight_log::{Attachments, Epoch, FlightLog, Tick};
+use super::flight_log::{Attachments, CONFIG, Epoch, FlightLog, Tick};
 use crate::sim::Truth;
 
 /// What is kept at least, s.
@@ -76,13 +76,12 @@ impl BlackBox {
     pub fn dump(&mut self, path: &Path) -> Result<(), McapError> {
         self.close()?;
         let mut out = WriteOptions::new().create(BufWriter::new(File::create(path)?))?;
-        let config = self.attachments.config.as_bytes();
         out.attach(&mcap::Attachment {
             log_time: 0,
             create_time: 0,
-            name: "config.toml".into(),
+            name: CONFIG.into(),
             media_type: "application/toml".into(),
-            data: config.into(),
+            data: self.attachments.config.as_bytes().into(),
         })?;
         for segment in &self.finished {
             for message in MessageStream::new(segment)? {

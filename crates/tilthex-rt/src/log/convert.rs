@@ -1,5 +1,6 @@
 //! From the core's records to the messages of the log.
 
+use prost::Message;
 use tilthex_core::{
     Matrix3, RobotState, Setpoint, Vector3, Wrench, flight::Record, link::tk3::Severity, so3,
     supervisor::Phase, types::PoseSample,
@@ -44,7 +45,6 @@ fn pose(p: &PoseSample) -> m::Pose {
 }
 
 /// The pose a message holds, to the bit; `None` where it is incomplete.
-#[allow(dead_code)] // for the replay
 pub(crate) fn pose_from(p: &m::Pose) -> Option<PoseSample> {
     let position = p.position_w.as_ref()?;
     Some(PoseSample {
@@ -163,6 +163,25 @@ impl TickMessages {
             },
             output: m::Output { tick: r.tick, link: r.sent().to_vec() },
         }
+    }
+}
+
+impl TickMessages {
+    /// Each message's topic and bytes, in the order in which they are logged.
+    #[must_use]
+    pub fn encoded(&self) -> [(&'static str, Vec<u8>); 10] {
+        [
+            ("/state", self.state.encode_to_vec()),
+            ("/setpoint", self.setpoint.encode_to_vec()),
+            ("/reference", self.reference.encode_to_vec()),
+            ("/wrench", self.wrench.encode_to_vec()),
+            ("/control", self.control.encode_to_vec()),
+            ("/rotors", self.rotors.encode_to_vec()),
+            ("/flight", self.flight.encode_to_vec()),
+            ("/link", self.link.encode_to_vec()),
+            ("/input", self.input.encode_to_vec()),
+            ("/output", self.output.encode_to_vec()),
+        ]
     }
 }
 

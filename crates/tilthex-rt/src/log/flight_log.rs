@@ -68,12 +68,23 @@ impl Epoch {
     }
 }
 
-/// What a log is attached.
-#[derive(Clone, Debug, Default)]
+/// What a log is attached: with the inputs, all that a replay needs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Attachments {
     /// The complete effective configuration, TOML.
     pub config: String,
+    /// The trajectory file, TOML, where one was flown.
+    pub trajectory: Option<String>,
+    /// Whether it took off without an order.
+    pub take_off: bool,
 }
+
+/// Names of the attachments and of the metadata.
+pub(super) const CONFIG: &str = "config.toml";
+pub(super) const TRAJECTORY: &str = "trajectory.toml";
+pub(super) const METADATA: &str = "tilthex";
+pub(super) const TAKE_OFF: &str = "take_off";
+const TOML: &str = "application/toml";
 
 /// A log with all channels of a flight.
 pub struct FlightLog<W: Write> {
@@ -133,7 +144,16 @@ impl<W: Write> FlightLog<W> {
             lines: log.topic::<foxglove::Log>("/log")?,
             transforms: log.topic::<foxglove::FrameTransform>("/tf")?,
         };
-        log.attach("config.toml", "application/toml", attachments.config.as_bytes(), epoch.unix_ns(0.0))?;
+        let begun = epoch.unix_ns(0.0);
+        log.attach(CONFIG, TOML, attachments.config.as_bytes(), begun)?;
+        if let Some(trajectory) = &attachments.trajectory {
+            log.attach(TRAJECTORY, TOML, trajectory.as_bytes(), begun)?;
+        }
+        let metadata = [
+            (TAKE_OFF.to_string(), attachments.take_off.to_string()),
+            ("version".to_string(), env!("CARGO_PKG_VERSION").to_string()),
+        ];
+        log.metadata(METADATA, metadata.into())?;
         log.flush()?;
         let (last_phase, last_faults) = (Phase::Disarmed, FaultSet::NONE);
         Ok(Self { log, topics, epoch, rotor_count, last_phase, last_faults })

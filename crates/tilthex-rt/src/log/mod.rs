@@ -4,9 +4,11 @@ mod black_box;
 pub(crate) mod convert;
 mod flight_log;
 pub mod messages;
+mod reader;
 mod writer;
 
 pub use black_box::BlackBox;
 pub use convert::TickMessages;
 pub use flight_log::{Attachments, Epoch, FlightLog, Tick, Timing, fault_names};
+pub use reader::LogReader;
 pub use writer::{LogWriter, Stamp, Topic};

@@ -90,6 +90,14 @@ impl<W: Write> LogWriter<W> {
         })
     }
 
+    /// Adds a table of names and texts.
+    ///
+    /// # Errors
+    /// What the file says.
+    pub fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), McapError> {
+        self.writer.write_metadata(&mcap::records::Metadata { name: name.into(), metadata })
+    }
+
     /// Writes what is held back; all of it can be read from now on.
     ///
     /// # Errors
