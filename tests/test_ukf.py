@@ -8,7 +8,7 @@ import tilthex
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from ukf_reference import Noise, NumpyUkf, exp, run
+from ukf_reference import GRAVITY, Noise, NumpyUkf, exp, run
 
 
 def recording(seed: int, samples: int = 600):
@@ -27,7 +27,7 @@ def recording(seed: int, samples: int = 600):
         a = 0.5 * (acceleration[k - 1] + acceleration[k])
         velocity[k] = velocity[k - 1] + 0.002 * a
         position[k] = position[k - 1] + 0.002 * (velocity[k - 1] + 0.001 * a)
-    force = np.einsum("kji,kj->ki", rotation, acceleration + [0, 0, 9.81])
+    force = np.einsum("kji,kj->ki", rotation, acceleration + GRAVITY)
     gyro += random.uniform(-0.01, 0.01, 3) + 0.005 * random.standard_normal((samples, 3))
     force += random.uniform(-0.1, 0.1, 3) + 0.15 * random.standard_normal((samples, 3))
     taken = np.arange(0, samples, 5)
@@ -115,7 +115,7 @@ def test_refuses_what_can_not_be(config):
     filter = ukf(config)
     with pytest.raises(ValueError, match=r"gyro has shape \(2,\); expected \(3,\)"):
         filter.predict(0.0, [0, 0], [0, 0, 9.81])
-    with pytest.raises(ValueError, match="rotation is .* away from a rotation"):
+    with pytest.raises(ValueError, match=r"rotation is .* away from a rotation"):
         filter.initialize(0.0, [0, 0, 0], np.ones((3, 3)))
     with pytest.raises(ValueError, match="the IMU was watched for"):
         filter.initialize_at_rest(0.0, [0, 0, 0], np.eye(3))

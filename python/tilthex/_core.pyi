@@ -21,6 +21,8 @@ __all__ = [
     "Reference",
     "Setpoint",
     "Trajectory",
+    "Ukf",
+    "UkfRun",
     "Vehicle",
     "WrenchObserver",
     "__version__",
@@ -348,6 +350,7 @@ class Plant:
     def tool_rotation(self) -> _Array: ...
     @property
     def kinetic_energy(self) -> float: ...
+
 @final
 class Ukf:
     def __new__(cls, config: Config) -> Ukf: ...
