@@ -41,6 +41,14 @@ pub struct WrenchObserverState {
     last: Option<Sample>,
 }
 
+impl WrenchObserverState {
+    /// Keeps the estimate but not the last sample: for a state that has been
+    /// corrected by a jump, which is no motion.
+    pub fn forget_sample(&mut self) {
+        self.last = None;
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Sample {
     rotation_wr: Matrix3,

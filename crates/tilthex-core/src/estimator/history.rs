@@ -19,6 +19,7 @@ pub(super) struct ImuEntry {
     pub(super) time: f64,
     pub(super) gyro: Vector3,
     pub(super) force: Vector3,
+    pub(super) modelled: bool,
 }
 
 /// The newest samples, by a number that counts up from zero.
@@ -31,7 +32,7 @@ pub(super) struct ImuHistory {
 impl ImuHistory {
     pub(super) const EMPTY: Self = {
         let zero = Vector3::new(0.0, 0.0, 0.0);
-        Self { entries: [ImuEntry { time: 0.0, gyro: zero, force: zero }; SAMPLES as usize], count: 0 }
+        Self { entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, modelled: false }; SAMPLES as usize], count: 0 }
     };
 
     pub(super) fn push(&mut self, entry: ImuEntry) {

@@ -45,6 +45,11 @@ const GAP: f64 = 0.02;
 /// The noise of what happens in a gap.
 const GAP_NOISE: ProcessNoise =
     ProcessNoise { gyro: 1.0, accelerometer: 10.0, gyro_bias: 1e-4, accelerometer_bias: 1e-3 };
+
+/// Noise of the model that stands in for a missing IMU: the walk of the gyro's
+/// bias is the angular acceleration that the model does not know.
+const MODEL_NOISE: ProcessNoise =
+    ProcessNoise { gyro: 0.05, accelerometer: 0.3, gyro_bias: 1.0, accelerometer_bias: 1e-3 };
 /// Past this a rotation contradicts the state because markers were swapped, rad.
 const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
 /// Share of a new pose in the running means.
@@ -71,6 +76,7 @@ pub struct Estimator {
     derived: Derived,
     filter: Ukf,
     gap_filter: Ukf,
+    model_filter: Ukf,
     head: Head,
     initialized: bool,
     /// The mean at the newest sample.
@@ -106,6 +112,7 @@ impl Estimator {
         Ok(Self {
             filter: Ukf::new(params.process)?,
             gap_filter: Ukf::new(GAP_NOISE)?,
+            model_filter: Ukf::new(MODEL_NOISE)?,
             head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0 },
             initialized: false,
             current: Navigation::ORIGIN,
@@ -214,12 +221,29 @@ impl Estimator {
         self.predict_observed(time, gyro_i, specific_force_i, &mut |_| ());
     }
 
+    /// Takes what a model of the vehicle puts in the place of a missing
+    /// sample. Its rate is no measurement: poses correct it, as a bias.
+    pub fn predict_modelled(&mut self, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
+        self.take_sample(time, gyro_i, specific_force_i, true, &mut |_| ());
+    }
+
     /// [`predict`](Self::predict), with a report on every pose that is applied in its course.
     pub fn predict_observed(
         &mut self,
         time: f64,
         gyro_i: &Vector3,
         specific_force_i: &Vector3,
+        observe: &mut impl FnMut(&PoseReport),
+    ) {
+        self.take_sample(time, gyro_i, specific_force_i, false, observe);
+    }
+
+    fn take_sample(
+        &mut self,
+        time: f64,
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        modelled: bool,
         observe: &mut impl FnMut(&PoseReport),
     ) {
         let last = self.samples.newest().map(|s| s.time);
@@ -231,7 +255,7 @@ impl Estimator {
             count(&mut self.counts.imu_rejected);
             return;
         }
-        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i });
+        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, modelled });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
         if dt > GAP {
@@ -364,12 +388,16 @@ impl Estimator {
     /// Moves the head to the next sample, or to `goal` if that comes first.
     fn advance(&mut self, goal: f64) {
         let head = &mut self.head;
-        let sample = self.samples.get(head.next_sample).time;
+        let ImuEntry { time: sample, modelled, .. } = *self.samples.get(head.next_sample);
         let (gyro, force, length) = self.samples.interval(head.next_sample);
         let until = if sample <= goal { sample } else { goal };
         let dt = until - head.time;
         if dt > 0.0 {
-            let filter = if length > GAP { &self.gap_filter } else { &self.filter };
+            let filter = match (modelled, length > GAP) {
+                (true, _) => &self.model_filter,
+                (false, true) => &self.gap_filter,
+                (false, false) => &self.filter,
+            };
             filter.predict(&mut head.state, &gyro, &force, dt.min(1.0));
             head.time = until;
             self.checkpoints.save(head);
@@ -538,7 +566,11 @@ impl Estimator {
         for number in copy.next_sample..self.samples.end() {
             let (gyro, force, length) = self.samples.interval(number);
             let end = self.samples.get(number).time;
-            let filter = if length > GAP { &self.gap_filter } else { &self.filter };
+            let filter = match (modelled, length > GAP) {
+                (true, _) => &self.model_filter,
+                (false, true) => &self.gap_filter,
+                (false, false) => &self.filter,
+            };
             if end > copy.time {
                 filter.predict(&mut state, &gyro, &force, (end - copy.time).min(1.0));
                 copy.time = end;

@@ -26,8 +26,26 @@ pub struct GuidanceParams {
 
 /// The mission's clock takes this long to stop and to start again, s.
 const SLOW_DOWN: f64 = 0.5;
-/// How far below the start a landing aims, so that contact is certain, m.
-const LANDING_DEPTH: f64 = 0.5;
+/// A landing reaches its speed of descent within this time, s.
+const SINK_IN: f64 = 1.0;
+
+/// The descent of a landing, which goes on until the ground is felt: where the
+/// ground is in the world is not relied on.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Sink {
+    depth: f64,
+    speed: f64,
+    rate: f64,
+}
+
+impl Sink {
+    fn step(&mut self, landing_speed: f64, dt: f64) {
+        let faster = self.speed + landing_speed / SINK_IN * dt;
+        self.rate = if faster < landing_speed { landing_speed / SINK_IN } else { 0.0 };
+        self.speed = faster.min(landing_speed);
+        self.depth += self.speed * dt;
+    }
+}
 
 /// What is being flown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +70,7 @@ pub(super) struct Guidance {
     followed: Setpoint,
     followed_age: f64,
     wrench_w: Option<Wrench>,
-    start_height: f64,
+    sink: Sink,
 }
 
 /// The set-point of a tick.
@@ -81,7 +99,7 @@ impl Guidance {
             followed: nowhere.sample(0.0),
             followed_age: 0.0,
             wrench_w: None,
-            start_height: 0.0,
+            sink: Sink::default(),
         }
     }
 
@@ -105,12 +123,12 @@ impl Guidance {
 
     /// From the ground, straight up and level, heading kept.
     pub(super) fn begin_take_off(&mut self, robot: &RobotState, tool: &Mounting) {
-        self.start_height = robot.position_w.z;
         let level = level(&robot.rotation_wr);
         let here = tool_waypoint(robot.position_w, &level, tool);
         let up = Vector3::new(0.0, 0.0, self.params.take_off_height);
         let above = tool_waypoint(robot.position_w + up, &level, tool);
-        self.fly(here, &[above], &self.params.limits.clone());
+        let limits = self.params.limits;
+        self.fly(here, &[above], &limits);
         self.stage = Stage::TakeOff;
         self.hover_time = 0.0;
     }
@@ -119,16 +137,15 @@ impl Guidance {
     pub(super) fn begin_landing(&mut self, from: &Setpoint, tool: &Mounting) {
         let rotation_wr = from.rotation_we * tool.rotation_r.transpose();
         let robot_w = from.position_w - rotation_wr * tool.position_r;
-        let down = Vector3::new(robot_w.x, robot_w.y, self.start_height - LANDING_DEPTH);
         let start = Waypoint {
             position_w: from.position_w,
             rotation_we: from.rotation_we,
-            ..tool_waypoint(down, &rotation_wr, tool)
+            ..tool_waypoint(robot_w, &rotation_wr, tool)
         };
-        let end = tool_waypoint(down, &level(&rotation_wr), tool);
-        let limits = Limits { velocity: self.params.landing_speed, ..self.params.limits };
-        self.fly(start, &[end], &limits);
+        let limits = self.params.limits;
+        self.fly(start, &[tool_waypoint(robot_w, &level(&rotation_wr), tool)], &limits);
         self.stage = Stage::Land;
+        self.sink = Sink::default();
         self.wrench_w = None;
     }
 
@@ -203,6 +220,12 @@ impl Guidance {
                 setpoint.angular_acceleration_w * (rate * rate) + w * rate_change;
             setpoint.velocity_w = v * rate;
             setpoint.angular_velocity_w = w * rate;
+        }
+        if self.stage == Stage::Land {
+            self.sink.step(self.params.landing_speed, dt);
+            setpoint.position_w.z -= self.sink.depth;
+            setpoint.velocity_w.z -= self.sink.speed;
+            setpoint.acceleration_w.z -= self.sink.rate;
         }
         let hovering = self.stage == Stage::Mission && phase == Phase::Flying;
         let learn_bias = hovering && self.hover_time < self.params.bias_time;

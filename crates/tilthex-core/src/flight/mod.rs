@@ -24,8 +24,9 @@ use crate::{
     controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
     link::tk3::Identity,
+    so3,
     supervisor::{Facts, Fault, Phase, Supervisor},
-    types::{RotorVector, Setpoint},
+    types::{RobotState, RotorVector, Setpoint},
 };
 use guidance::Guidance;
 use rotors::{RotorModel, modelled_imu};
@@ -59,6 +60,8 @@ const RAMP: f64 = 3.0;
 const RAMP_END: f64 = 0.95;
 /// Periods longer than this are cut for the laws' integrators, s.
 const LONGEST_STEP: f64 = 0.1;
+/// The estimate is corrected by more than this, m and rad, in a tick: a jump.
+const JUMP: (f64, f64) = (0.03, 0.03);
 /// A rotor slower than this stands still, Hz.
 const STANDSTILL: f64 = 5.0;
 /// Share of the weight that the ground must carry, and for how long, s, to be stood on.
@@ -190,7 +193,9 @@ impl Flight {
         self.session.receive(input.bytes, now);
         self.rotor_model.step(&self.command, dt);
         let rotor_speeds = self.rotor_model.speeds(self.session.motors(), now);
+        let before = self.estimator.robot_state();
         self.estimate(input, &rotor_speeds, dt);
+        self.absorb_jump(&before, dt);
         self.obey(input.command);
         self.supervise(input, period, dt);
         self.control(&rotor_speeds, dt);
@@ -211,7 +216,7 @@ impl Flight {
             let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
             let gyro_i = model.gyro_i + self.estimator.gyro_bias();
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
-            self.estimator.predict(input.time, &gyro_i, &specific_force_i);
+            self.estimator.predict_modelled(input.time, &gyro_i, &specific_force_i);
         }
         for pose in input.poses.iter().take(MAX_POSES) {
             if self.estimator.is_initialized() {
@@ -222,6 +227,29 @@ impl Flight {
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
         }
+    }
+
+    /// A correction of the estimate is no motion: the reference takes part in
+    /// it, and the admittance filter's spring leads it back to the set-point.
+    fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
+        let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {
+            return;
+        };
+        let now = self.estimator.robot_state();
+        let expected_w = before.position_w + before.velocity_w * dt;
+        let turned = before.rotation_wr * so3::exp(&(before.angular_velocity_r * dt));
+        let turn = now.rotation_wr * turned.transpose();
+        let (far, wide) = JUMP;
+        if (now.position_w - expected_w).norm() < far && so3::angle(&turn) < wide {
+            return;
+        }
+        let r = &mut output.reference;
+        r.position_w = now.position_w + turn * (r.position_w - expected_w);
+        r.rotation_we = turn * r.rotation_we;
+        r.velocity_w = turn * r.velocity_w;
+        r.angular_velocity_w = turn * r.angular_velocity_w;
+        self.control.admittance = AdmittanceState::at(r, &output.setpoint);
+        self.control.observer.forget_sample();
     }
 
     fn obey(&mut self, command: Option<&Command>) {

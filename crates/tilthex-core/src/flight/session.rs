@@ -43,7 +43,7 @@ const FROZEN: u32 = 25;
 /// Counts from here on are the end of the IMU's range.
 const FULL_SCALE: u16 = 32_760;
 /// Largest change of an inertial reading from one sample to the next: rad/s, m/s^2.
-const IMU_JUMP: (f64, f64) = (12.0, 100.0);
+const IMU_JUMP: (f64, f64) = (3.0, 40.0);
 /// Largest change of a rotor's speed from one sample to the next, Hz.
 const MOTOR_JUMP: f64 = 40.0;
 /// A jump is believed after so many samples that agree with it.
@@ -98,6 +98,7 @@ pub(super) struct Session {
     imu_clock: SequenceClock,
     imu_gate: Gate<6>,
     refused_now: bool,
+    odd_lengths: u8,
     last_frame: Option<ImuFrame>,
     same_frames: u32,
     saturated: bool,
@@ -147,6 +148,7 @@ impl Session {
             imu_clock: SequenceClock::new(imu_period, ClockParams::default())?,
             imu_gate: Gate::new(imu_gate)?,
             refused_now: false,
+            odd_lengths: 0,
             last_frame: None,
             same_frames: 0,
             saturated: false,
@@ -218,6 +220,14 @@ impl Session {
             Arrival::Duplicate => return,
             Arrival::Suspect => (now, 0),
         };
+        // Two lost bytes make a frame with a temperature look like one without.
+        let other_length = |last: ImuFrame| last.temperature.is_some() != frame.temperature.is_some();
+        if self.last_frame.is_some_and(other_length) && self.odd_lengths < PATIENCE {
+            self.odd_lengths += 1;
+            self.refused_now = true;
+            return;
+        }
+        self.odd_lengths = 0;
         let alike = |last: ImuFrame| last.accelerometer == frame.accelerometer && last.gyro == frame.gyro;
         let same = self.last_frame.replace(*frame).is_some_and(alike);
         self.same_frames = if same { self.same_frames.saturating_add(1) } else { 0 };
@@ -226,7 +236,7 @@ impl Session {
         let (f, w) = scales.decode(frame);
         let verdict = self.imu_gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
         self.refused_now |= verdict != Verdict::Pass;
-        if self.frozen() || verdict != Verdict::Pass {
+        if self.frozen() || self.saturated || verdict != Verdict::Pass {
             return;
         }
         self.imu_heard = now;

@@ -113,7 +113,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::ImuLate, "IMU late", "no inertial sample for 6 ms", (0.0, 0.1), (Note, Note), "the model predicts until the next sample"),
     row(Fault::ImuSilent, "IMU silent", "no inertial sample for 50 ms", (0.0, 0.5), (Refuse, Land), "the model stands in for the IMU; the stream is asked for again every 500 ms"),
     row(Fault::ImuFrozen, "IMU frozen", "25 inertial samples alike to the bit", (0.0, 0.5), (Refuse, Land), "the model stands in for the IMU"),
-    row(Fault::ImuSaturated, "IMU saturated", "a reading at the end of its range", (0.05, 0.5), (Refuse, Land), "short shocks pass"),
+    row(Fault::ImuSaturated, "IMU saturated", "a reading at the end of its range", (0.05, 0.5), (Refuse, Land), "the sample is dropped and the model stands in; short shocks pass"),
     row(Fault::ImuOutOfRange, "IMU out of range", "a sample refused for its range or its jump from the last", (0.0, 0.1), (Note, Note), "the sample is dropped; many of them are an IMU that is silent"),
     row(Fault::MotorsStale, "motor data stale", "a motor's measurement older than 100 ms", (0.0, 0.5), (Note, Note), "the commanded speed through the rotor's lag stands in"),
     row(Fault::MotorsSilent, "motor data silent", "a motor's measurement older than 1 s", (0.0, 0.5), (Refuse, Land), "as before; the stream is asked for again every 500 ms"),

@@ -251,9 +251,10 @@ impl UkfState {
         [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
     }
 
-    /// Multiplies the deviations of position, velocity and rotation, keeping all correlations.
+    /// Multiplies the deviations of position and rotation, keeping all
+    /// correlations. Not that of the velocity: a pose that jumps is no motion.
     pub fn inflate(&mut self, factor: f64) {
-        for i in (ROTATION..ROTATION + 3).chain(VELOCITY..POSITION + 3) {
+        for i in (ROTATION..ROTATION + 3).chain(POSITION..POSITION + 3) {
             self.covariance.scale(i, factor);
         }
         self.limit();
