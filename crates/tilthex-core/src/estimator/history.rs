@@ -32,7 +32,10 @@ pub(super) struct ImuHistory {
 impl ImuHistory {
     pub(super) const EMPTY: Self = {
         let zero = Vector3::new(0.0, 0.0, 0.0);
-        Self { entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, modelled: false }; SAMPLES as usize], count: 0 }
+        Self {
+            entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, modelled: false }; SAMPLES as usize],
+            count: 0,
+        }
     };
 
     pub(super) fn push(&mut self, entry: ImuEntry) {

@@ -46,6 +46,16 @@ const GAP: f64 = 0.02;
 const GAP_NOISE: ProcessNoise =
     ProcessNoise { gyro: 1.0, accelerometer: 10.0, gyro_bias: 1e-4, accelerometer_bias: 1e-3 };
 
+/// Deviations after a pose has been believed against the state: a jump of the
+/// pose is no motion, so the velocity stays, but may have been what was wrong.
+const REACQUIRED: InitialDeviation = InitialDeviation {
+    position: 0.02,
+    velocity: 0.3,
+    rotation: 0.05,
+    gyro_bias: 0.03,
+    accelerometer_bias: 0.2,
+};
+
 /// Noise of the model that stands in for a missing IMU: the walk of the gyro's
 /// bias is the angular acceleration that the model does not know.
 const MODEL_NOISE: ProcessNoise =
@@ -387,23 +397,29 @@ impl Estimator {
 
     /// Moves the head to the next sample, or to `goal` if that comes first.
     fn advance(&mut self, goal: f64) {
+        let next = self.head.next_sample;
+        let sample = self.samples.get(next).time;
+        let (gyro, force, length) = self.samples.interval(next);
+        let filter = self.filter_over(next, length);
         let head = &mut self.head;
-        let ImuEntry { time: sample, modelled, .. } = *self.samples.get(head.next_sample);
-        let (gyro, force, length) = self.samples.interval(head.next_sample);
         let until = if sample <= goal { sample } else { goal };
         let dt = until - head.time;
         if dt > 0.0 {
-            let filter = match (modelled, length > GAP) {
-                (true, _) => &self.model_filter,
-                (false, true) => &self.gap_filter,
-                (false, false) => &self.filter,
-            };
             filter.predict(&mut head.state, &gyro, &force, dt.min(1.0));
             head.time = until;
             self.checkpoints.save(head);
         }
         if sample <= goal {
             head.next_sample += 1;
+        }
+    }
+
+    /// The filter for the interval of a length before a sample.
+    fn filter_over(&self, number: u64, length: f64) -> Ukf {
+        match (self.samples.get(number).modelled, length > GAP) {
+            (true, _) => self.model_filter,
+            (false, true) => self.gap_filter,
+            (false, false) => self.filter,
         }
     }
 
@@ -437,9 +453,12 @@ impl Estimator {
             }
             _ => {
                 if pose.time - head.accepted > self.params.reacquire_after {
-                    head.state.inflate(core::f64::consts::SQRT_2);
+                    head.state.restart(&measured.position_w, &measured.rotation_wi, &REACQUIRED);
+                    (head.accepted, self.stale) = (pose.time, true);
+                    Outcome::Accepted
+                } else {
+                    Outcome::Rejected
                 }
-                Outcome::Rejected
             }
         };
         report(pose.time, outcome, nis, Some(&whole))
@@ -566,11 +585,7 @@ impl Estimator {
         for number in copy.next_sample..self.samples.end() {
             let (gyro, force, length) = self.samples.interval(number);
             let end = self.samples.get(number).time;
-            let filter = match (modelled, length > GAP) {
-                (true, _) => &self.model_filter,
-                (false, true) => &self.gap_filter,
-                (false, false) => &self.filter,
-            };
+            let filter = self.filter_over(number, length);
             if end > copy.time {
                 filter.predict(&mut state, &gyro, &force, (end - copy.time).min(1.0));
                 copy.time = end;

@@ -32,7 +32,7 @@ pub struct EstimatorParams {
     pub history: f64,
     /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
     pub latency: f64,
-    /// Uninterrupted rejection after which the covariance grows until poses pass again, s.
+    /// Uninterrupted rejection after which a pose is believed against the state, s.
     pub reacquire_after: f64,
     /// Age of the newest accepted pose at which the state counts as coasting, s.
     pub coast_after: f64,

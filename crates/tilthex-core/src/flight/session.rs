@@ -9,8 +9,8 @@ use crate::{
     link::{
         Arrival, Gate, GateParams, SequenceClock, Verdict,
         tk3::{
-            HostMessage, Identity, ImuFrame, ImuScales, MotorFrame, MotorValues, Receiver, Severity, Stream,
-            Text, VehicleMessage,
+            HostMessage, Identity, ImuFrame, ImuScales, MotorFrame, MotorState, MotorValues, Receiver,
+            Severity, Stream, Text, VehicleMessage,
         },
     },
     types::{MAX_ROTORS, RotorVector, Vector3},
@@ -75,6 +75,8 @@ pub(super) struct Motor {
     pub(super) emergency: bool,
     /// Current, A.
     pub(super) current: f64,
+    /// State of the newest frame.
+    state: Option<MotorState>,
 }
 
 /// Where the conversation stands.
@@ -135,6 +137,7 @@ impl Session {
             spinning: false,
             emergency: false,
             current: 0.0,
+            state: None,
         };
         let zero = Vector3::zeros();
         Ok(Self {
@@ -256,14 +259,15 @@ impl Session {
             return;
         }
         if let Some(motor) = self.motors.get_mut(index) {
-            *motor = Motor {
-                heard: now,
-                speed: frame.speed(),
-                starting: frame.state.is_starting(),
-                spinning: frame.state.is_spinning(),
-                emergency: frame.state.is_emergency(),
-                current: f64::from(frame.current_ma) * 1e-3,
-            };
+            motor.heard = now;
+            motor.speed = frame.speed();
+            motor.current = f64::from(frame.current_ma) * 1e-3;
+            // No checksum: a state counts when two frames in a row agree.
+            if motor.state.replace(frame.state) == Some(frame.state) {
+                motor.starting = frame.state.is_starting();
+                motor.spinning = frame.state.is_spinning();
+                motor.emergency = frame.state.is_emergency();
+            }
         }
     }
 

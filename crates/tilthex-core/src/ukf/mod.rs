@@ -251,13 +251,11 @@ impl UkfState {
         [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
     }
 
-    /// Multiplies the deviations of position and rotation, keeping all
-    /// correlations. Not that of the velocity: a pose that jumps is no motion.
-    pub fn inflate(&mut self, factor: f64) {
-        for i in (ROTATION..ROTATION + 3).chain(POSITION..POSITION + 3) {
-            self.covariance.scale(i, factor);
-        }
-        self.limit();
+    /// Takes a pose for its own, with independent errors of the given
+    /// deviations; velocity and biases keep their values.
+    pub fn restart(&mut self, position_w: &Vector3, rotation_wi: &Matrix3, deviation: &InitialDeviation) {
+        let mean = Navigation { position_w: *position_w, rotation_wi: *rotation_wi, ..self.mean };
+        *self = Self { recoveries: self.recoveries, ..Self::new(mean, deviation) };
     }
 
     /// Whether mean and covariance are finite, and the covariance positive definite.
