@@ -2,15 +2,12 @@
 
 use std::{
     path::PathBuf,
-    sync::{Arc, atomic::AtomicBool, mpsc},
+    sync::{Arc, mpsc},
     time::Duration,
 };
 
 use rtrb::RingBuffer;
-use tilthex_core::{
-    PoseSample,
-    flight::{Command, Flight},
-};
+use tilthex_core::flight::{Command, Flight};
 
 use super::{Args, report, status};
 use crate::{
@@ -18,20 +15,20 @@ use crate::{
     config::Config,
     control_loop::{ControlLoop, End, LoopParams},
     log::Attachments,
+    mocap::{Client, ClientParams, LineParams, MocapUri},
     orders,
     port::Port,
     realtime,
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
-    sim::{Pushes, Server, Simulation, SimulationParams},
+    signals,
+    sim::{CAPTURE_EVERY, Capture, Pushes, Server, Simulation, SimulationParams},
 };
 
-/// Poses that may wait for the loop.
-const POSE_RING: usize = 64;
+/// From the exposure of a simulated camera to its frame on the network, s.
+const CAPTURE_LATENCY: f64 = 0.008;
 /// Orders that may wait for the loop.
 const COMMAND_RING: usize = 8;
-/// Cycles of the simulation between two captured poses.
-const CAPTURE_EVERY: u64 = 10;
 /// How long a start without orders waits for everything to be ready, s.
 const PATIENCE: f64 = 30.0;
 
@@ -51,11 +48,18 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         _ => None,
     };
     let flight = Flight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
-    let land = land_on_signals()?;
+    let land = signals::flag()?;
     let (recorder, feed, truths) = Recorder::start(recorder_params(&config, trajectory, params.take_off))?;
-    let (poses_in, poses) = RingBuffer::new(POSE_RING);
     let (_commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
-    let simulated = if args.sim { Some(simulate(args, &config, poses_in, truths)?) } else { None };
+    let up_axis = config.mocap.up_axis().map_err(|e| Failure::usage(e.to_string()))?;
+    let (simulated, uri) = if args.sim {
+        let (capture, uri) =
+            Capture::on_loopback(up_axis, LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() })?;
+        (Some(simulate(args, &config, capture, truths)?), Some(uri))
+    } else {
+        let uri = &config.mocap.uri;
+        (None, (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?)
+    };
     let (name, baud) = match (&simulated, &args.port) {
         (Some(server), _) => (server.path().display().to_string(), 0),
         (None, Some(port)) => (port.clone(), config.link.baud),
@@ -66,6 +70,13 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
     };
     let port = Port::open(&name, baud)?;
+    let (_client, poses) = match uri {
+        Some(uri) => {
+            let (client, poses) = Client::start(&uri, ClientParams { up_axis, latency: 0.0 })?;
+            (Some(client), poses)
+        }
+        None => (None, RingBuffer::new(1).1),
+    };
     let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
     let control_loop = ControlLoop {
         flight,
@@ -125,17 +136,6 @@ fn start(control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running,
     Ok(Running { end })
 }
 
-/// SIGINT, SIGTERM and SIGHUP ask to land.
-fn land_on_signals() -> Result<Arc<AtomicBool>, Failure> {
-    use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-    let land = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register(signal, Arc::clone(&land))
-            .map_err(|e| Failure::usage(format!("signal {signal} can not be handled: {e}")))?;
-    }
-    Ok(land)
-}
-
 fn recorder_params(config: &Config, trajectory: Option<String>, take_off: bool) -> RecorderParams {
     let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
     let black_box = log.as_ref().map_or_else(
@@ -157,7 +157,7 @@ fn recorder_params(config: &Config, trajectory: Option<String>, take_off: bool) 
 fn simulate(
     args: &Args,
     config: &Config,
-    mut poses: rtrb::Producer<PoseSample>,
+    mut capture: Capture,
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
     let mut params = SimulationParams::new(*config.vehicle.vehicle());
@@ -167,13 +167,10 @@ fn simulate(
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation| {
         cycle += 1;
-        if !cycle.is_multiple_of(CAPTURE_EVERY) {
-            return;
+        if cycle.is_multiple_of(CAPTURE_EVERY) {
+            capture.show(at, simulation);
+            let _ = truths.push((at as f64 * 1e-9, simulation.truth()));
         }
-        let time = at as f64 * 1e-9;
-        let (position_w, rotation_wr) = simulation.captured_pose();
-        let _ = poses.push(PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true });
-        let _ = truths.push((time, simulation.truth()));
     };
     Server::start(Simulation::new(params), Box::new(observer))
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))

@@ -1,5 +1,5 @@
 //! The simulated vehicle alone, for anyone's controller.
 
 fn main() -> std::process::ExitCode {
-    tilthex_rt::failure::exit("tilthex-sim", Ok(()))
+    tilthex_rt::failure::exit("tilthex-sim", tilthex_rt::sim_app::run())
 }

@@ -1,10 +1,11 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, LinkSection, MissionSection, Section, SupervisorSection};
+use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, Section, SupervisorSection};
 use tilthex_core::{
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, SessionParams, WatchParams},
     link::tk3::ImuScales,
+    mocap::UpAxis,
     trajectory::Limits,
 };
 
@@ -57,6 +58,22 @@ impl LinkSection {
             battery_period_us: period("battery_rate", self.battery_rate)?,
             scales,
         })
+    }
+}
+
+impl MocapSection {
+    /// The capture system's upward axis.
+    ///
+    /// # Errors
+    /// Where it is neither "y" nor "z".
+    pub fn up_axis(&self) -> Result<UpAxis, ConfigError> {
+        match self.up_axis.as_str() {
+            "y" => Ok(UpAxis::Y),
+            "z" => Ok(UpAxis::Z),
+            other => {
+                Err(ConfigError::new(format!("[mocap]: up_axis is \"{other}\"; expected \"y\" or \"z\"")))
+            }
+        }
     }
 }
 

@@ -2,12 +2,14 @@
 //! virtual time ([`Simulation`]) or behind a pseudo-terminal ([`Server`]).
 
 pub mod battery;
+mod capture;
 pub mod firmware;
 pub mod ground;
 pub mod motor;
 pub mod pushes;
 mod server;
 
+pub use capture::{CAPTURE_EVERY, CAPTURE_RATE, Capture};
 pub use firmware::{Firmware, FirmwareParams};
 pub use pushes::{Push, Pushes};
 pub use server::{Observer, Report, Server};

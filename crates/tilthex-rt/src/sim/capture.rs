@@ -1,0 +1,96 @@
+//! Motion capture of the simulated vehicle: its pose, shown by the servers that real clients read.
+
+use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
+
+use tilthex_core::mocap::UpAxis;
+
+use super::{STEP, Simulation};
+use crate::{
+    Failure,
+    mocap::{
+        LineParams, MocapUri, NatNetServer, NatNetServerParams, Protocol, Publication, VrpnServer,
+        VrpnServerParams,
+    },
+    sleeper::Nanos,
+};
+
+/// Poses a second.
+pub const CAPTURE_RATE: u64 = 100;
+/// Cycles of the simulation between two poses.
+pub const CAPTURE_EVERY: u64 = 1_000_000 / STEP / CAPTURE_RATE;
+/// The group that NatNet frames go to by default.
+const GROUP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(239, 255, 42, 99), 1511);
+
+/// A running capture system.
+#[derive(Debug)]
+pub enum Capture {
+    /// OptiTrack's protocol.
+    NatNet(NatNetServer),
+    /// The older one, over TCP.
+    Vrpn(VrpnServer),
+}
+
+impl Capture {
+    /// Starts the server that a URI names, on this computer.
+    ///
+    /// # Errors
+    /// One sentence, where its address is not this computer's or is taken.
+    pub fn start(uri: &MocapUri, up_axis: UpAxis, line: LineParams) -> Result<Self, Failure> {
+        let refuse = |e: std::io::Error| {
+            Failure::usage(format!(
+                "no motion capture server can run at {}:{}: {e}; name an address of this computer and a free port",
+                uri.host, uri.port
+            ))
+        };
+        let found = (uri.host.as_str(), uri.port).to_socket_addrs().map_err(refuse)?.find_map(|a| match a {
+            SocketAddr::V4(address) => Some(address),
+            SocketAddr::V6(_) => None,
+        });
+        let address = found.ok_or_else(|| refuse(std::io::ErrorKind::AddrNotAvailable.into()))?;
+        let server = match uri.protocol {
+            Protocol::NatNet | Protocol::NatNetMulticast => {
+                let multicast = (uri.protocol == Protocol::NatNetMulticast).then_some(GROUP);
+                let params = NatNetServerParams::new(&uri.body);
+                NatNetServer::start(NatNetServerParams { address, multicast, up_axis, line, ..params })
+                    .map(Self::NatNet)
+            }
+            Protocol::Vrpn => {
+                let params = VrpnServerParams::new(&uri.body);
+                VrpnServer::start(VrpnServerParams { address, up_axis, line, ..params }).map(Self::Vrpn)
+            }
+        };
+        server.map_err(refuse)
+    }
+
+    /// A capture on loopback at any free port, and how a client finds it.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn on_loopback(up_axis: UpAxis, line: LineParams) -> Result<(Self, MocapUri), Failure> {
+        let host = IpAddr::from(Ipv4Addr::LOCALHOST).to_string();
+        let mut uri = MocapUri { protocol: Protocol::NatNet, host, port: 0, body: "TILTHEX".into() };
+        let capture = Self::start(&uri, up_axis, line)?;
+        uri.port = capture.address().port();
+        Ok((capture, uri))
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> SocketAddr {
+        match self {
+            Self::NatNet(server) => server.address(),
+            Self::Vrpn(server) => server.address(),
+        }
+    }
+
+    /// Shows the vehicle as it is at a time of the monotonic clock.
+    pub fn show(&mut self, time: Nanos, simulation: &mut Simulation) {
+        let (position_w, rotation_wr) = simulation.captured_pose();
+        let publication = Publication { time, position_w, rotation_wr, tracking_valid: true };
+        // A pose that finds no room is one the network lost.
+        let _ = match self {
+            Self::NatNet(server) => server.publish(publication),
+            Self::Vrpn(server) => server.publish(publication),
+        };
+    }
+}
