@@ -52,7 +52,7 @@ section! {
         /// Tool torques up to this do not turn the reference, N m.
         torque_dead_zone: f64 = 0.2,
         /// Cut-off of the low-pass before the dead zones, Hz; 0 for none.
-        low_pass_hz: f64 = 10.0,
+        low_pass_hz: f64 = 20.0,
         /// Farthest the reference yields from the set-point, m.
         max_translation: f64 = 1.0,
         /// Farthest the reference turns from the set-point, degrees.
