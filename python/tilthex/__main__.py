@@ -8,8 +8,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from tilthex import __version__
+from tilthex.experiments import cli as experiments
 
-COMMANDS: tuple[Callable[[Any], None], ...] = ()
+COMMANDS: tuple[Callable[[Any], None], ...] = (experiments.add_parser,)
 """The `add_parser` of each subcommand's module."""
 USAGE = 2
 """Exit status of wrong usage or configuration, as of the Rust programs."""

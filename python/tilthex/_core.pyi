@@ -14,6 +14,7 @@ __all__ = [
     "Allocator",
     "Config",
     "Controller",
+    "Loop",
     "Output",
     "Plant",
     "PoseCommand",
@@ -93,6 +94,7 @@ class Vehicle:
     def rotor_time_constant(self) -> float: ...
     def hover_speeds(self, rotation: ArrayLike | None = None) -> _Array: ...
     def tool_wrench(self, wrench: ArrayLike, rotation: ArrayLike) -> _Array: ...
+    def to_mjcf(self) -> str: ...
     def robot_wrench(self, wrench: ArrayLike, rotation: ArrayLike) -> _Array: ...
 
 @final
@@ -205,6 +207,38 @@ class Controller:
     def bias(self) -> _Array: ...
     @bias.setter
     def bias(self, value: ArrayLike) -> None: ...
+
+@final
+class Loop:
+    def __new__(cls, config: Config) -> Loop: ...
+    def initialize(self, time: float, position: ArrayLike, rotation: ArrayLike) -> None: ...
+    def step(
+        self,
+        time: float,
+        gyro: ArrayLike,
+        specific_force: ArrayLike,
+        rotor_speeds: ArrayLike,
+        poses: Sequence[tuple[float, float, ArrayLike, ArrayLike]],
+        setpoint: Setpoint,
+        *,
+        compliant: bool = True,
+        learn_bias: bool = False,
+    ) -> _Array: ...
+    def step_from(
+        self,
+        time: float,
+        *,
+        position: ArrayLike,
+        velocity: ArrayLike,
+        rotation: ArrayLike,
+        angular_velocity: ArrayLike,
+        specific_force: ArrayLike,
+        rotor_speeds: ArrayLike,
+        setpoint: Setpoint,
+        compliant: bool = True,
+        learn_bias: bool = False,
+    ) -> _Array: ...
+    def record(self) -> dict[str, _Array]: ...
 
 @final
 class Output:

@@ -2,6 +2,7 @@
 //! control law lives here.
 
 mod blocks;
+mod chain;
 mod config;
 mod controller;
 mod convert;
@@ -27,6 +28,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<blocks::PoseCommand>()?;
     module.add_class::<blocks::PoseController>()?;
     module.add_class::<blocks::WrenchObserver>()?;
+    module.add_class::<chain::Loop>()?;
     module.add_class::<config::Config>()?;
     module.add_class::<controller::Controller>()?;
     module.add_class::<controller::Output>()?;

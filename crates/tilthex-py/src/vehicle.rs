@@ -156,6 +156,13 @@ impl Vehicle {
         Ok(convert::wrench_array(wrench.py(), &robot_wrench(&w, &r, &self.core().tool().position_r)))
     }
 
+    /// The vehicle as a MuJoCo model, XML text: rotors as actuators with u = w |w|, Hz^2, as control.
+    ///
+    /// As `tilthex.mjcf.to_mjcf`, which also places it in a world.
+    fn to_mjcf(this: Bound<'_, Self>) -> PyResult<String> {
+        this.py().import("tilthex.mjcf")?.call_method1("to_mjcf", (this,))?.extract()
+    }
+
     fn __repr__(&self) -> String {
         let v = self.core();
         format!("Vehicle('{}', mass={} kg, {} rotors)", self.name(), v.mass(), v.rotor_count())

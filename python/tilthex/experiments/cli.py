@@ -1,0 +1,180 @@
+"""`tilthex experiment NAME --out DIR`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tilthex.experiments.record import Check
+    from tilthex.experiments.spec import Experiment
+
+NEEDED = {"mujoco": "MuJoCo", "scipy": "SciPy", "matplotlib": "Matplotlib", "tqdm": "tqdm"}
+
+
+def add_parser(subparsers: Any) -> None:
+    """Registers the command with the parsers of `tilthex`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "experiment",
+        help="fly an experiment of the paper with the world simulated by MuJoCo",
+        description="Flies an experiment with the complete chain in the loop and writes a report.",
+    )
+    parser.add_argument(
+        "name", help="shaping, sliding, peg-in-hole, multi-contact, chirp, all, or a TOML file"
+    )
+    parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
+    parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="where the state comes from")
+    parser.add_argument("--random", type=int, metavar="N", help="peg-in-hole: fly N random cases")
+    parser.add_argument("--seed", type=int, default=None, help="seed of the noise and of the random cases")
+    parser.add_argument(
+        "--case", type=int, metavar="I", help="with --random: fly only this case, whole report"
+    )
+    parser.add_argument("--jobs", type=int, default=None, help="processes of a campaign (default: the cores)")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
+    )
+    parser.add_argument("--video", action="store_true", help="render every run as an animated GIF")
+    parser.add_argument("--short", action="store_true", help="the short version that the tests fly")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Flies what is asked, prints the table and writes the report."""
+    missing = [name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None]
+    if missing:
+        raise ImportError(
+            f"the experiments need {' and '.join(missing)}, not installed: pip install 'tilthex[experiments]'"
+        )
+    if arguments.case is not None and arguments.random is None:
+        raise ValueError("--case I names a case of a campaign; say which with --random N --seed S")
+    if arguments.video and not os.environ.get("DISPLAY"):
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    from tilthex.experiments import report, spec
+
+    names = spec.built_in() if arguments.name == "all" else [arguments.name]
+    everything: list[Check] = []
+    pages = []
+    for name in names:
+        experiment = spec.load(name, short=arguments.short, changes=changes(arguments))
+        print(f"{experiment.title}", flush=True)
+        if arguments.random is not None and arguments.case is None:
+            page, checks = _campaign(experiment, arguments)
+        else:
+            page, checks = _fly(experiment, arguments)
+        print(report.text_table(checks))
+        print(f"report: {page}\n", flush=True)
+        everything += checks
+        pages.append((experiment.title, page))
+    if len(names) > 1:
+        links = [f'<a href="{page.name}">{title}</a>' for title, page in pages]
+        about = "Every experiment, one after the other."
+        report.write(arguments.out, "index", "The experiments", about, everything, {}, "", _command(), links)
+
+
+def changes(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What the command line changes of the file: `--set` and `--seed`."""
+    from tilthex.experiments.spec import merge, read_toml
+
+    result: dict[str, Any] = {}
+    for item in arguments.set:
+        result = merge(result, read_toml(item, f"--set {item} (expected KEY=VALUE as in TOML)"))
+    if arguments.seed is not None:
+        result["seed"] = arguments.seed
+    return result
+
+
+def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
+    from tqdm import tqdm
+
+    from tilthex.experiments import judge, peg_in_hole, report
+    from tilthex.experiments.flight import fly
+    from tilthex.experiments.plan import periods
+
+    runs = experiment.runs
+    if arguments.case is not None:
+        _only_peg(experiment)
+        runs = (peg_in_hole.draw(runs[0], runs[0].seed, arguments.case),)
+    judged = judge.of(experiment.kind)
+    flights, checks, notes = [], [], []
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    for one in runs:
+        with tqdm(total=periods(one), desc=one.name, unit="tick", file=sys.stderr, leave=False) as bar:
+            record = fly(one, exact=arguments.state == "exact", progress=bar.update)
+        flights.append((one, record))
+        checks += judged.checks(one, record)
+        stem = f"{experiment.kind}-{_slug(one.name)}"
+        record.save(arguments.out / f"{stem}.npz")
+        length = record.time[-1]
+        speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
+        notes.append(f"{one.name}: {speed}" + (f"; {record.ended}" if record.ended else ""))
+        if arguments.video:
+            from tilthex.experiments.video import render
+
+            render(one, record, arguments.out / f"{stem}.gif")
+    figures = judged.figures(flights)
+    stem = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
+    page = report.write(
+        arguments.out,
+        stem,
+        experiment.title,
+        experiment.about,
+        checks,
+        figures,
+        experiment.text,
+        _command(),
+        notes,
+    )
+    return page, checks
+
+
+def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
+    from tqdm import tqdm
+
+    from tilthex.experiments import campaign, report
+
+    _only_peg(experiment)
+    base = experiment.runs[0]
+    found = []
+    with tqdm(total=arguments.random, unit="case", file=sys.stderr) as bar:
+        exact = arguments.state == "exact"
+        for one in campaign.fly_all(base, base.seed, arguments.random, exact=exact, jobs=arguments.jobs):
+            found.append(one)
+            why = campaign.reason(one)
+            if why:
+                tqdm.write(f"case {one.index}: tilt {one.tilt_deg:.1f} deg, {why}", file=sys.stderr)
+            bar.update()
+    found.sort(key=lambda one: one.index)
+    checks = campaign.checks(found, base)
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    campaign.write_table(arguments.out / f"{experiment.kind}-random.csv", found)
+    page = report.write(
+        arguments.out,
+        f"{experiment.kind}-random",
+        f"{experiment.title}: {arguments.random} random cases of seed {base.seed}",
+        experiment.about,
+        checks,
+        {"cases": campaign.figure(found)},
+        experiment.text,
+        _command(),
+        [campaign.failures(found, _command())],
+    )
+    return page, checks
+
+
+def _only_peg(experiment: Experiment) -> None:
+    if experiment.kind != "peg-in-hole":
+        raise ValueError(f"--random draws cases of peg-in-hole only, not of {experiment.kind}")
+
+
+def _slug(name: str) -> str:
+    return "".join(c if c.isalnum() or c == "." else "-" for c in name).strip("-")
+
+
+def _command(arguments: Sequence[str] | None = None) -> str:
+    return shlex.join(["tilthex", *(sys.argv[1:] if arguments is None else arguments)])

@@ -1,0 +1,97 @@
+"""Flies one run: the chain of tilthex in the loop with the world in MuJoCo."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+import tilthex
+from tilthex.experiments.plan import make
+from tilthex.experiments.record import Record
+from tilthex.experiments.spec import Run
+from tilthex.experiments.world import PERIOD, World
+
+Progress = Callable[[int], object]
+FAR = 2.0
+"""A tool this far from where it started, m, has been thrown out: the run ends there."""
+
+
+def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> Record:
+    """Flies a run and returns its record.
+
+    Args:
+        run: What to fly.
+        exact: Whether the controller is given the true state in place of the estimator's.
+        progress: Called with the number of periods flown since its last call.
+    """
+    vehicle = tilthex.Vehicle.preset(run.vehicle)
+    chain = tilthex.Loop(tilthex.Config.default(vehicle).replace(**run.config))
+    plan = make(run)
+    start = plan.setpoints[0]
+    world = World(
+        vehicle,
+        run.scene(),
+        run.noise,
+        seed=run.seed,
+        tool_position=start.position,
+        tool_rotation=start.rotation,
+    )
+    record = Record.blank(len(plan.setpoints), vehicle.rotor_count, plan.phases, run.name)
+    rows = record.columns
+    chain.initialize(0.0, world.position, world.rotation)
+    push = np.array(run.push.get("force", (0.0, 0.0, 0.0)), dtype=float)
+    push_from, push_to = run.push.get("start", 0.0), run.push.get("end", 0.0)
+    learn_from, learn_to = run.learn_bias
+    still = np.zeros(3)
+    command = vehicle.hover_speeds(world.rotation)
+    begun = time.perf_counter()
+    for k, setpoint in enumerate(plan.setpoints):
+        now = k * PERIOD
+        world.push = push if push_from <= now < push_to else still
+        world.step(command)
+        now = world.time
+        learn = learn_from <= now < learn_to
+        if exact:
+            command = chain.step_from(
+                now,
+                position=world.position,
+                velocity=world.velocity,
+                rotation=world.rotation,
+                angular_velocity=world.angular_velocity,
+                specific_force=world.true_specific_force(),
+                rotor_speeds=world.measured_rotor_speeds(),
+                setpoint=setpoint,
+                learn_bias=learn,
+            )
+        else:
+            command = chain.step(
+                now,
+                world.gyro(),
+                world.specific_force(),
+                world.measured_rotor_speeds(),
+                world.arrived_poses(),
+                setpoint,
+                learn_bias=learn,
+            )
+        tool = world.tool_position
+        rows["time"][k] = now
+        rows["tool_position"][k] = tool
+        rows["robot_position"][k] = world.position
+        rows["robot_rotation"][k] = world.rotation
+        rows["tool_velocity"][k] = world.tool_velocity
+        rows["angular_velocity"][k] = world.angular_velocity
+        rows["true_wrench"][k], rows["largest_contact"][k], rows["contacts"][k] = world.true_wrench()
+        rows["rotor_speeds"][k] = world.rotor_speeds
+        if progress is not None and k % 250 == 249:
+            progress(250)
+        away = tool - start.position
+        if not away @ away < FAR * FAR:
+            record.ended = f"thrown {FAR:g} m away at {now:.2f} s"
+            record.cut(k + 1)
+            break
+    record.seconds = time.perf_counter() - begun
+    record.phase = plan.phase[: len(record.time)]
+    record.take(chain.record(), vehicle.tool_rotation)
+    return record

@@ -1,0 +1,55 @@
+"""Multi-contact: the estimate against the sensor, phase by phase."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from tilthex.experiments.judge import Figures, Flights, Judge
+from tilthex.experiments.record import Check, Record, below, rms
+from tilthex.experiments.report import overview, shade
+from tilthex.experiments.spec import Run
+
+CONTACT_PHASES = (
+    "one contact",
+    "hold against the ledge",
+    "two contacts",
+    "to the second ledge",
+    "three contacts",
+)
+
+
+def checks(run: Run, record: Record) -> list[Check]:
+    """Force and torque against truth in every phase, and that contact is kept."""
+    table = []
+    for phase in CONTACT_PHASES:
+        rows = record.during(phase)
+        force = rms(record.wrench_tool[rows, :3] - record.true_wrench[rows, :3])
+        torque = rms(record.wrench_tool[rows, 3:] - record.true_wrench[rows, 3:])
+        table.append(below(f"{phase}: force against truth, rms", force, 0.2, "N", paper="follows"))
+        table.append(below(f"{phase}: torque against truth, rms", torque, 0.05, "N m", paper="follows"))
+    asked = record.during(*CONTACT_PHASES)
+    lost = float(np.mean(record.contacts[asked] == 0.0))
+    table.append(below("time without contact while a force is asked", lost, 0.0, "%", scale=100.0))
+    return table
+
+
+def figures(flights: Flights) -> Figures:
+    """Figure 14."""
+    drawn: Figures = {}
+    for run, record in flights:
+        figure, grid = plt.subplots(2, 1, figsize=(12, 7), sharex=True, layout="constrained")
+        for axes, first, label in ((grid[0], 0, "tool force (N)"), (grid[1], 3, "tool torque (N m)")):
+            for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
+                axes.plot(record.time, record.true_wrench[:, first + k], ":", color=colour, lw=1.0)
+                axes.plot(record.time, record.wrench_tool[:, first + k], color=colour, lw=0.8, label="xyz"[k])
+            axes.set_title(f"{label}: estimated, sensor dotted", fontsize=10, loc="left")
+            shade(axes, record)
+        grid[0].legend()
+        grid[1].set_xlabel("time (s)")
+        drawn[f"{run.name} wrench"] = figure
+        drawn[run.name] = overview(record)
+    return drawn
+
+
+JUDGE = Judge(checks, figures)

@@ -1,0 +1,81 @@
+"""Set-points of a whole run, computed before it flies."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+import tilthex
+from tilthex.experiments.spec import Run
+from tilthex.experiments.world import PERIOD
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One set-point of the tool a control period, and the phase it belongs to."""
+
+    setpoints: list[tilthex.Setpoint]
+    phase: NDArray[np.int64]
+    phases: list[str]
+
+
+def periods(run: Run) -> int:
+    """How many control periods a run lasts."""
+    return _length(_trajectory(run))
+
+
+def make(run: Run) -> Plan:
+    """Samples the trajectory of a run, or swings about it where a chirp is asked for."""
+    trajectory = _trajectory(run)
+    times = np.arange(_length(trajectory), dtype=np.float64) * PERIOD
+    setpoints = [trajectory.sample(time) for time in times.tolist()]
+    if "swing" in run.judge:
+        setpoints = _swing(run, setpoints, times)
+    names = list(dict.fromkeys(point.phase for point in run.waypoints))
+    leg = np.searchsorted(np.r_[0.0, trajectory.begins], times, side="right") - 1
+    owner = np.array([names.index(point.phase) for point in run.waypoints])
+    return Plan(setpoints, owner[leg], names)
+
+
+def _trajectory(run: Run) -> tilthex.Trajectory:
+    points = [
+        {
+            "position": point.position,
+            "rotation": point.rotation,
+            "wrench": point.wrench,
+            "duration": point.duration,
+            "hold": point.hold,
+        }
+        for point in run.waypoints
+    ]
+    return tilthex.Trajectory(points, **run.limits)
+
+
+def _length(trajectory: tilthex.Trajectory) -> int:
+    return max(1, math.ceil(trajectory.duration / PERIOD))
+
+
+def _swing(run: Run, setpoints: list[tilthex.Setpoint], times: Vector) -> list[tilthex.Setpoint]:
+    """A swing of the tool whose frequency rises evenly (figure 4).
+
+    Only the pose swings: the pose controller's answer to it alone is a force of the same
+    size at every frequency, while velocity and acceleration would make it grow.
+    """
+    judge = run.judge
+    length = judge["end"] - judge["start"]
+    t = np.clip(times - judge["start"], 0.0, length)
+    slope = (judge["highest_hz"] - judge["lowest_hz"]) / length
+    angle = 2.0 * math.pi * (judge["lowest_hz"] * t + 0.5 * slope * t * t)
+    wave = np.where((t > 0.0) & (t < length), np.sin(angle), 0.0)
+    turns = Rotation.from_rotvec(np.radians(judge["turn_deg"]) * wave[:, None]).as_matrix()
+    swing = np.array(judge["swing"])
+    return [
+        tilthex.Setpoint(point.position + size * swing, turn @ point.rotation)
+        for point, size, turn in zip(setpoints, wave, turns, strict=True)
+    ]

@@ -1,0 +1,127 @@
+"""What one flight leaves behind: arrays, one row a control period."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+COLUMNS: dict[str, tuple[int, ...]] = {
+    "time": (),
+    "tool_position": (3,),
+    "tool_velocity": (3,),
+    "robot_position": (3,),
+    "robot_rotation": (3, 3),
+    "angular_velocity": (3,),
+    "true_wrench": (6,),
+    "largest_contact": (),
+    "contacts": (),
+    "rotor_speeds": (),
+}
+"""The truth, column by column: name and shape. Added to it are the columns of `tilthex.Loop.record`,
+`tool_rotation` and `phase`. The wrench is that on the tool, about its origin, W."""
+
+
+@dataclass
+class Record:
+    """The columns of a flight, and the names of its phases."""
+
+    columns: dict[str, Vector]
+    phases: Sequence[str]
+    run: str = ""
+    phase: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    """The phase of every row, as an index into `phases`."""
+    ended: str = ""
+    """Why it ended early; empty when it did not."""
+    seconds: float = 0.0
+    """Time it took to fly, s."""
+
+    @classmethod
+    def blank(cls, length: int, rotors: int, phases: Sequence[str], run: str) -> Record:
+        """A record to be filled."""
+        shapes = COLUMNS | {"rotor_speeds": (rotors,)}
+        return cls({name: np.zeros((length, *shape)) for name, shape in shapes.items()}, phases, run)
+
+    def __getattr__(self, name: str) -> Vector:
+        """A column by its name."""
+        try:
+            columns: dict[str, Vector] = self.__dict__["columns"]
+            return columns[name]
+        except KeyError:
+            raise AttributeError(name) from None
+
+    def take(self, chain: dict[str, Vector], tool_rotation_r: Vector) -> None:
+        """Adds what the chain itself recorded, and the tool's orientation."""
+        for name, values in chain.items():
+            shape = (len(values), 3, 3) if name.endswith("rotation") else values.shape
+            self.columns[name] = values.reshape(shape) if name != "saturated" else values[:, 0]
+        self.columns["tool_rotation"] = self.robot_rotation @ tool_rotation_r
+
+    @property
+    def attitude_error(self) -> Vector:
+        """Angle of the estimated against the true orientation, rad."""
+        trace = np.einsum("nij,nij->n", self.robot_rotation, self.estimated_rotation)
+        return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
+
+    def cut(self, length: int) -> None:
+        """Keeps the first rows only."""
+        self.columns = {name: column[:length] for name, column in self.columns.items()}
+
+    def during(self, *phases: str) -> NDArray[np.bool_]:
+        """Which rows are in one of these phases."""
+        wanted = [i for i, name in enumerate(self.phases) if name in phases]
+        if not wanted:
+            raise ValueError(f"no phase {' or '.join(phases)} among {', '.join(self.phases)}")
+        return np.isin(self.phase, wanted)
+
+    def spans(self) -> list[tuple[str, float, float]]:
+        """Phases in order: name, begin and end, s."""
+        edges = np.flatnonzero(np.diff(self.phase)) + 1
+        begins, ends = np.r_[0, edges], np.r_[edges, len(self.phase)] - 1
+        names = [self.phases[int(self.phase[i])] for i in begins]
+        return list(zip(names, self.time[begins].tolist(), self.time[ends].tolist(), strict=True))
+
+    def save(self, path: Path) -> None:
+        """Writes a NumPy archive."""
+        arrays: dict[str, Any] = {f"column_{name}": values for name, values in self.columns.items()}
+        arrays |= {"phases": np.array(self.phases), "phase": self.phase}
+        np.savez_compressed(path, run=np.array(self.run), ended=np.array(self.ended), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> Record:
+        """Reads what [`save`] wrote."""
+        with np.load(path) as data:
+            columns = {name[7:]: data[name] for name in data.files if name.startswith("column_")}
+            phases = [str(name) for name in data["phases"]]
+            return cls(columns, phases, str(data["run"]), data["phase"], str(data["ended"]))
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line of the table: what is asked, what the paper had, what was measured."""
+
+    what: str
+    asked: str
+    paper: str
+    measured: str
+    passed: bool | None
+    """None for what is reported without being asked."""
+
+
+def rms(values: Vector) -> float:
+    """Root of the mean square of the rows' norms."""
+    rows = values.reshape(len(values), -1)
+    return float(np.sqrt(np.mean(np.sum(rows**2, axis=1)))) if len(rows) else float("nan")
+
+
+def below(what: str, value: float, limit: float, unit: str, *, paper: str = "", scale: float = 1.0) -> Check:
+    """A measured number that must not exceed a limit."""
+    return Check(
+        what, f"at most {limit * scale:g} {unit}", paper, f"{value * scale:.3g} {unit}", value <= limit
+    )

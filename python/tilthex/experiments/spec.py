@@ -1,0 +1,217 @@
+"""What an experiment's TOML file says.
+
+A file describes one set-up and, in its `[[run]]` tables, the runs that differ from
+it in a few keys; `[short]` says what a short version changes. To make an experiment
+of one's own: copy a file, change it, and name it to `tilthex experiment`.
+"""
+
+from __future__ import annotations
+
+import copy
+import difflib
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tilthex.experiments.scenes import SCENES, Scene
+from tilthex.experiments.world import Noise
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+__all__ = ["Experiment", "Run", "Waypoint", "built_in", "load", "merge", "read_toml"]
+
+Vector = NDArray[np.float64]
+Table = dict[str, Any]
+
+FILE_KEYS = {
+    "experiment",
+    "title",
+    "about",
+    "vehicle",
+    "seed",
+    "config",
+    "world",
+    "noise",
+    "trajectory",
+    "push",
+    "judge",
+    "learn_bias",
+    "random",
+    "run",
+    "short",
+}
+RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "run", "short"} | {"name"}
+WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench"}
+LIMIT_KEYS = {"velocity", "acceleration", "angular_velocity", "angular_acceleration"}
+LIMITS = {"velocity": 0.3, "acceleration": 0.5, "angular_velocity": 0.5, "angular_acceleration": 1.0}
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A tool pose reached and left at rest; how long the way there lasts and the stay."""
+
+    phase: str
+    position: tuple[float, ...]
+    rpy_deg: tuple[float, ...]
+    duration: float
+    hold: float
+    wrench: tuple[float, ...]
+
+    @property
+    def rotation(self) -> Vector:
+        """Orientation of the tool, tool to world."""
+        return np.asarray(Rotation.from_euler("xyz", self.rpy_deg, degrees=True).as_matrix())
+
+
+@dataclass(frozen=True)
+class Run:
+    """One flight: everything that decides what happens in it."""
+
+    experiment: str
+    name: str
+    vehicle: str
+    seed: int
+    config: Table
+    world: Table
+    noise: Noise
+    waypoints: tuple[Waypoint, ...]
+    limits: Table
+    push: Table
+    """`force` (N, W) at the tool from `start` to `end` (s)."""
+    learn_bias: tuple[float, float]
+    """From when to when the bias of the wrench is learned, s; equal for never."""
+    judge: Table
+    """Numbers that the judging of this experiment reads."""
+    random: Table
+    """Ranges of the random cases of a campaign."""
+
+    def scene(self) -> Scene:
+        """Builds the world."""
+        options = dict(self.world)
+        name = options.pop("scene", None)
+        if name not in SCENES:
+            raise ValueError(f"world.scene is {name!r}; expected one of {', '.join(sorted(SCENES))}")
+        try:
+            return SCENES[name](**options)
+        except TypeError as error:
+            raise ValueError(f"[world] of scene {name}: {error}") from error
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A file: its runs, and where it came from."""
+
+    kind: str
+    title: str
+    about: str
+    runs: tuple[Run, ...]
+    text: str
+
+
+def built_in() -> list[str]:
+    """Names of the experiments that come with the package."""
+    order = ["shaping", "sliding", "peg-in-hole", "multi-contact", "chirp"]
+    found = {path.stem for path in Path(__file__).parent.glob("*.toml")}
+    return [name for name in order if name in found] + sorted(found - set(order))
+
+
+def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = None) -> Experiment:
+    """Reads an experiment by its built-in name or its file.
+
+    Args:
+        name: A built-in name, or the path of a TOML file.
+        short: Whether to apply the file's `[short]` table.
+        changes: Keys that win over the file's, for every run.
+    """
+    path = Path(name)
+    if path.suffix != ".toml":
+        path = Path(__file__).parent / f"{name}.toml"
+        if not path.exists():
+            known = ", ".join([*built_in(), "all"])
+            raise ValueError(f"no experiment {name!r}; expected one of {known}, or a .toml file")
+    text = path.read_text(encoding="utf-8")
+    table = read_toml(text, str(path))
+    _check_keys(str(path), table, FILE_KEYS)
+    brief = table.pop("short", {}) if short else table.pop("short", {}) and {}
+    chosen = brief.pop("runs", None)
+    runs = table.pop("run", [{"name": table.get("title", path.stem)}])
+    kind = table.pop("experiment", path.stem)
+    title, about = table.pop("title", kind), table.pop("about", "")
+    made = []
+    for run in runs:
+        _check_keys(f"{path} [[run]]", run, RUN_KEYS)
+        if chosen is not None and run["name"] not in chosen:
+            continue
+        whole = merge(merge(merge(table, run), brief), changes or {})
+        made.append(_run(kind, whole))
+    return Experiment(kind, title, about, tuple(made), text)
+
+
+def read_toml(text: str, where: str) -> Table:
+    """TOML as a table; what can not be read is said with where it stands."""
+    try:
+        table: Table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"{where}: {error}") from error
+    return table
+
+
+def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Table:
+    """`base` with the keys of `over`, table by table; lists are replaced whole."""
+    result = copy.deepcopy(dict(base))
+    for key, value in over.items():
+        if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
+            result[key] = merge(result[key], value)
+        else:
+            result[key] = copy.deepcopy(value)
+    return result
+
+
+def _run(kind: str, table: Table) -> Run:
+    trajectory = table.get("trajectory", {})
+    _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint"})
+    waypoints = []
+    last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "duration": 0.0, "hold": 0.0, "wrench": (0.0,) * 6}
+    for item in trajectory.get("waypoint", []):
+        _check_keys("[[trajectory.waypoint]]", item, WAYPOINT_KEYS)
+        # Pose, wrench and phase carry over from the way-point before; times do not.
+        last = last | {"duration": 0.0, "hold": 0.0} | item
+        if "position" not in last or "phase" not in last:
+            raise ValueError("the first [[trajectory.waypoint]] needs `position` (3 numbers, m) and `phase`")
+        tuples = {key: tuple(map(float, last[key])) for key in ("position", "rpy_deg", "wrench")}
+        waypoints.append(Waypoint(last["phase"], duration=last["duration"], hold=last["hold"], **tuples))
+    if not waypoints:
+        raise ValueError("[trajectory] has no [[trajectory.waypoint]]; it needs at least one")
+    noise = table.get("noise", {})
+    _check_keys("[noise]", noise, {f.name for f in fields(Noise)})
+    return Run(
+        experiment=kind,
+        name=table["name"],
+        vehicle=table.get("vehicle", "tilt-hex"),
+        seed=table.get("seed", 1),
+        config=table.get("config", {}),
+        world=table.get("world", {"scene": "free"}),
+        noise=Noise(**noise),
+        waypoints=tuple(waypoints),
+        limits=LIMITS | {key: trajectory[key] for key in LIMIT_KEYS & trajectory.keys()},
+        push=table.get("push", {}),
+        learn_bias=tuple(table.get("learn_bias", (0.0, 0.0))),
+        judge=table.get("judge", {}),
+        random=table.get("random", {}),
+    )
+
+
+def _check_keys(where: str, table: Mapping[str, Any], known: set[str]) -> None:
+    for key in table:
+        if key not in known:
+            near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
+            raise ValueError(f"{where}: unknown key `{key}`; the nearest known one is `{near[0]}`")

@@ -1,0 +1,231 @@
+"""The world of an experiment: MuJoCo, the rotors' lag, the sensors, and the truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from tilthex import GRAVITY, Vehicle
+from tilthex.experiments.scenes import Scene
+from tilthex.mjcf import TIMESTEP, to_mjcf
+
+try:
+    import mujoco
+except ImportError as error:  # pragma: no cover - says what to do and ends
+    raise ImportError(
+        "the experiments need MuJoCo, which is not installed: pip install 'tilthex[experiments]'"
+    ) from error
+
+Vector = NDArray[np.float64]
+PERIOD = 0.002
+"""Control period, s."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the sensors' noise (per sample), biases, and the delay of poses."""
+
+    position: float = 0.3e-3
+    """Captured position, m."""
+    orientation: float = 2e-3
+    """Captured orientation, rad."""
+    gyro: float = 5e-3
+    """Gyroscope, rad/s."""
+    accelerometer: float = 0.15
+    """Accelerometer, m/s^2."""
+    rotor_speed: float = 0.1
+    """Measured rotor speed, Hz."""
+    gyro_bias: float = 0.0
+    """Standard deviation of the gyroscope's constant bias, rad/s; drawn anew for every seed."""
+    accelerometer_bias: float = 0.0
+    """Likewise of the accelerometer's, m/s^2."""
+    pose_period: float = 0.01
+    """Time between captured poses, s."""
+    pose_delay: float = 0.015
+    """Mean time from capture to arrival, s."""
+    pose_jitter: float = 0.005
+    """Half the width of the delay's uniform distribution, s."""
+
+
+class Pose(NamedTuple):
+    """A captured pose of the robot, on its way to the estimator."""
+
+    arrival: float
+    time: float
+    position: Vector
+    rotation: Vector
+
+
+class World:
+    """One robot in one scene, advanced by whole control periods.
+
+    The IMU's specific force is the mean over the period, as a converter with an
+    anti-alias filter gives; angular velocity and rotor speeds are those at its end.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        scene: Scene,
+        noise: Noise,
+        *,
+        seed: int,
+        tool_position: Vector,
+        tool_rotation: Vector,
+    ) -> None:
+        """The robot at rest with its tool at a pose, rotors at their hover speeds."""
+        self.rotation: Vector = tool_rotation @ vehicle.tool_rotation.T
+        start = tool_position - self.rotation @ vehicle.tool_position
+        xml = to_mjcf(vehicle, scene.elements, extra=scene.extra, position=start, rotation=self.rotation)
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        self.data = mujoco.MjData(self.model)
+        self.vehicle = vehicle
+        self.noise = noise
+        self.tool_offset = vehicle.tool_position
+        self.rotor_speeds: Vector = vehicle.hover_speeds(self.rotation)
+        self.push: Vector = np.zeros(3)
+        """An external force at the tool's origin, N, W: the pull of a cable."""
+        constant = vehicle.rotor_time_constant
+        self._lag = 1.0 - math.exp(-TIMESTEP / constant) if constant > 0.0 else 1.0
+        self._clamped = self.model.neq > 0
+        self._robot = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "robot")
+        self._contact = np.zeros(6)
+        self._draws = np.random.default_rng(seed)
+        self._gyro_bias = noise.gyro_bias * self._draws.standard_normal(3)
+        self._accelerometer_bias = noise.accelerometer_bias * self._draws.standard_normal(3)
+        self._pool = np.zeros((0, 6 + vehicle.rotor_count))
+        self._noise = np.zeros(6 + vehicle.rotor_count)
+        self._specific_force = np.zeros(3)
+        self._specific_force_r = np.zeros(3)
+        self._next_draw = 0
+        self._next_capture = 0.0
+        self._poses: list[Pose] = []
+        mujoco.mj_forward(self.model, self.data)
+
+    @property
+    def time(self) -> float:
+        """Time since the start, s."""
+        return float(self.data.time)
+
+    @property
+    def position(self) -> Vector:
+        """True position of the centre of mass, m, W."""
+        return np.asarray(self.data.qpos[:3])
+
+    @property
+    def velocity(self) -> Vector:
+        """Its true velocity, m/s, W."""
+        return np.asarray(self.data.qvel[:3])
+
+    @property
+    def angular_velocity(self) -> Vector:
+        """True angular velocity, rad/s, R."""
+        return np.asarray(self.data.qvel[3:6])
+
+    @property
+    def tool_position(self) -> Vector:
+        """True position of the tool's origin, m, W."""
+        return self.position + self.rotation @ self.tool_offset
+
+    @property
+    def tool_velocity(self) -> Vector:
+        """True velocity of the tool's origin, m/s, W."""
+        return self.velocity + self.rotation @ np.cross(self.angular_velocity, self.tool_offset)
+
+    def step(self, rotor_command: Vector) -> None:
+        """Advances one control period under commanded rotor speeds, Hz."""
+        data, sums, before = self.data, np.zeros(3), self.data.qvel[:3].copy()
+        for _ in range(round(PERIOD / TIMESTEP)):
+            self.rotor_speeds += self._lag * (rotor_command - self.rotor_speeds)
+            data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)
+            if self.push.any():
+                arm = self.rotation @ self.tool_offset
+                data.xfrc_applied[self._robot, :3] = self.push
+                data.xfrc_applied[self._robot, 3:] = np.cross(arm, self.push)
+            else:
+                data.xfrc_applied[self._robot] = 0.0
+            mujoco.mj_step(self.model, data)
+            sums += data.sensordata[:3]
+        self._specific_force = sums * (TIMESTEP / PERIOD)
+        acceleration = (data.qvel[:3] - before) / PERIOD
+        acceleration[2] += GRAVITY
+        self._specific_force_r = self.rotation.T @ acceleration
+        mujoco.mju_quat2Mat(self.rotation.reshape(9), data.qpos[3:7])
+        if self._next_draw == len(self._pool):
+            self._pool = self._draws.standard_normal((4096, self._pool.shape[1]))
+            self._next_draw = 0
+        self._noise = self._pool[self._next_draw]
+        self._next_draw += 1
+
+    def specific_force(self) -> Vector:
+        """What the accelerometer says, m/s^2, IMU axes."""
+        return self._specific_force + self.noise.accelerometer * self._noise[:3] + self._accelerometer_bias
+
+    def true_specific_force(self) -> Vector:
+        """Specific force at the centre of mass over the period without noise, m/s^2, R."""
+        return self._specific_force_r
+
+    def gyro(self) -> Vector:
+        """What the gyroscope says, rad/s, IMU axes."""
+        turned = self.vehicle.imu_rotation.T @ self.angular_velocity
+        return np.asarray(turned + self.noise.gyro * self._noise[3:6] + self._gyro_bias)
+
+    def measured_rotor_speeds(self) -> Vector:
+        """What the motor controllers say, Hz."""
+        return self.rotor_speeds + self.noise.rotor_speed * self._noise[6:]
+
+    def arrived_poses(self) -> list[Pose]:
+        """Captures a pose when one is due; those that have arrived by now, each once."""
+        now, noise = self.time, self.noise
+        if now >= self._next_capture - 1e-9:
+            self._next_capture += noise.pose_period
+            turn = Rotation.from_rotvec(noise.orientation * self._draws.standard_normal(3))
+            delay = noise.pose_delay + noise.pose_jitter * self._draws.uniform(-1.0, 1.0)
+            place = self.position + noise.position * self._draws.standard_normal(3)
+            self._poses.append(Pose(now + delay, now, place, self.rotation @ turn.as_matrix()))
+        due = [pose for pose in self._poses if pose.arrival <= now]
+        self._poses = [pose for pose in self._poses if pose.arrival > now]
+        return due
+
+    def contact_wrench(self) -> tuple[Vector, float, int]:
+        """Truth: the wrench of all contacts on the tool (force, torque about its origin; W).
+
+        Each contact's force is turned by the contact's frame, and acts on the
+        second of its geoms. Also the largest single contact force, N, and the
+        number of contacts that press.
+        """
+        wrench, largest, count = np.zeros(6), 0.0, 0
+        tool = self.tool_position
+        for i in range(self.data.ncon):
+            mujoco.mj_contactForce(self.model, self.data, i, self._contact)
+            contact = self.data.contact[i]
+            force = self._contact[:3] @ contact.frame.reshape(3, 3)
+            if self.model.geom_bodyid[contact.geom[1]] != self._robot:
+                force = -force
+            size = math.sqrt(force @ force)
+            wrench[:3] += force
+            wrench[3:] += np.cross(contact.pos - tool, force)
+            largest = max(largest, size)
+            count += size > 0.0
+        return wrench, largest, count
+
+    def true_wrench(self) -> tuple[Vector, float, int]:
+        """Truth: the wrench on the tool, the largest contact force and the number of contacts."""
+        if self._clamped:
+            return self.constraint_wrench(), 0.0, 0
+        wrench, largest, count = self.contact_wrench()
+        wrench[:3] += self.push
+        return wrench, largest, count
+
+    def constraint_wrench(self) -> Vector:
+        """Truth by another way: what all constraints do to the free joint.
+
+        Contacts and clamp alike, as force and torque about the tool's origin (W).
+        """
+        force, torque = self.data.qfrc_constraint[:3], self.rotation @ self.data.qfrc_constraint[3:6]
+        return np.concatenate([force, torque - np.cross(self.rotation @ self.tool_offset, force)])

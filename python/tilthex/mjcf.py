@@ -1,0 +1,160 @@
+"""A vehicle as a MuJoCo model (MJCF).
+
+The body frame is R with its origin in the centre of mass, the rotors are
+actuators: control i is the rotor input u_i = w_i |w_i| in Hz^2, and its gear is
+column i of the allocation matrix (8)-(9), so thrust and drag moment act as in the
+controller's own model. The lag of the rotors is left to whoever sets the
+controls: it acts on speeds, not on their squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import so3
+from tilthex._core import GRAVITY, Vehicle
+
+Vector = NDArray[np.float64]
+
+
+TOOL_RADIUS = 0.003
+"""Radius of the tool's rod, m; its tip is a half-sphere about the tool's origin."""
+
+TIMESTEP = 0.001
+"""Time step, s."""
+
+# Contact that holds at this time step: stiff enough for 0.15 mm at 5 N, and a first
+# solimp value near zero, without which a sliding tip loses contact every other step.
+CONTACT = {"solref": "0.004 1", "solimp": "0.001 0.95 0.0001", "condim": "3"}
+
+
+def numbers(values: Iterable[float]) -> str:
+    """Numbers as MJCF writes them, exact to the last bit."""
+    return " ".join(repr(float(x)) for x in values)
+
+
+def quaternion(rotation: Vector) -> str:
+    """A rotation matrix as MJCF's quaternion, w first."""
+    turn = so3.log(rotation)
+    half = 0.5 * float(np.linalg.norm(turn))
+    # sin(t/2)/t, without the division at no turn.
+    return numbers((np.cos(half), *(0.5 * np.sinc(half / np.pi) * turn)))
+
+
+def contact_geom(parent: ET.Element, friction: float, **attributes: str) -> ET.Element:
+    """A geom that collides, with one coefficient of friction against its like."""
+    return ET.SubElement(parent, "geom", CONTACT | {"friction": f"{friction!r} 0 0"} | attributes)
+
+
+def robot_body(
+    vehicle: Vehicle, position: Iterable[float], rotation: Vector, tool_length: float
+) -> ET.Element:
+    """The robot: inertia, rod, sites `tool`, `imu`, `centre_of_mass`, and discs to look at."""
+    body = ET.Element("body", name="robot", pos=numbers(position), quat=quaternion(rotation))
+    ET.SubElement(body, "freejoint", name="robot")
+    inertia = vehicle.inertia
+    upper = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(float(vehicle.mass)), fullinertia=numbers(upper))
+    tip, up = vehicle.tool_position, vehicle.tool_rotation[:, 2]
+    contact_geom(
+        body,
+        0.0,
+        name="rod",
+        type="capsule",
+        size=repr(TOOL_RADIUS),
+        fromto=numbers((*tip, *(tip + tool_length * up))),
+        rgba="0.75 0.75 0.78 1",
+    )
+    ET.SubElement(body, "site", name="centre_of_mass", pos="0 0 0")
+    ET.SubElement(body, "site", name="tool", pos=numbers(tip), quat=quaternion(vehicle.tool_rotation))
+    imu = {"pos": numbers(vehicle.imu_position), "quat": quaternion(vehicle.imu_rotation)}
+    ET.SubElement(body, "site", imu, name="imu")
+    _looks(body, vehicle, tip + tool_length * up)
+    return body
+
+
+def to_mjcf(
+    vehicle: Vehicle,
+    world: Sequence[ET.Element] = (),
+    *,
+    extra: Sequence[ET.Element] = (),
+    position: Iterable[float] = (0.0, 0.0, 1.0),
+    rotation: Vector | None = None,
+    tool_length: float = 0.2,
+) -> str:
+    """A MuJoCo model of a vehicle among the bodies and geoms of `world`.
+
+    Args:
+        vehicle: The vehicle; rotors become actuators `rotor1`, `rotor2`, ... whose
+            controls are inputs u = w |w| in Hz^2 within the rotors' limits.
+        world: Elements of the world body.
+        extra: Elements of the model itself, such as `equality`.
+        position: Where the centre of mass starts, m, W.
+        rotation: How the robot is turned at the start, robot to world; level without it.
+        tool_length: Length of the rod behind the tip, m.
+
+    Returns:
+        The model as XML text. Sensors: `accelerometer`, `gyro` (IMU axes).
+    """
+    model = ET.Element("mujoco", model=vehicle.name)
+    ET.SubElement(
+        model,
+        "option",
+        timestep=repr(TIMESTEP),
+        integrator="implicitfast",
+        cone="elliptic",
+        impratio="10",
+        gravity=numbers((0.0, 0.0, -GRAVITY)),
+    )
+    visual = ET.SubElement(model, "visual")
+    ET.SubElement(visual, "global", offwidth="1280", offheight="960")
+    ET.SubElement(visual, "map", znear="0.002")
+    body = ET.SubElement(model, "worldbody")
+    ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")
+    body.extend(world)
+    body.append(robot_body(vehicle, position, np.eye(3) if rotation is None else rotation, tool_length))
+    actuators = ET.SubElement(model, "actuator")
+    limits = vehicle.rotor_speed_limits
+    inputs = limits * np.abs(limits)
+    for i, column in enumerate(vehicle.allocation.T):
+        ET.SubElement(
+            actuators,
+            "general",
+            name=f"rotor{i + 1}",
+            site="centre_of_mass",
+            gear=numbers(column),
+            ctrllimited="true",
+            ctrlrange=numbers(inputs[i]),
+        )
+    sensors = ET.SubElement(model, "sensor")
+    ET.SubElement(sensors, "accelerometer", name="accelerometer", site="imu")
+    ET.SubElement(sensors, "gyro", name="gyro", site="imu")
+    model.extend(extra)
+    ET.indent(model)
+    return ET.tostring(model, encoding="unicode")
+
+
+def _looks(body: ET.Element, vehicle: Vehicle, rod_end: Vector) -> None:
+    """Arms and discs, without mass or contact.
+
+    A rotor is drawn where its line of thrust passes nearest to the centre of mass:
+    the allocation matrix does not say where on that line it is.
+    """
+    unseen = {"contype": "0", "conaffinity": "0", "mass": "0"}
+    dark = unseen | {"rgba": "0.2 0.22 0.25 1", "type": "capsule"}
+    for force, torque in zip(vehicle.allocation[:3].T, vehicle.allocation[3:].T, strict=True):
+        square = float(force @ force)
+        if square == 0.0:
+            continue
+        place = np.cross(force, torque) / square
+        axis = force / np.sqrt(square)
+        ET.SubElement(body, "geom", dark, size="0.008", fromto=numbers((0, 0, 0, *place)))
+        disc = numbers((*place, *(place + 0.004 * axis)))
+        ET.SubElement(
+            body, "geom", unseen, type="cylinder", size="0.12", fromto=disc, rgba="0.2 0.5 0.8 0.35"
+        )
+    ET.SubElement(body, "geom", dark, size="0.004", fromto=numbers((*rod_end, 0, 0, 0)))

@@ -1,0 +1,110 @@
+"""Files of experiments, random cases, and the stability bound."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
+
+from tilthex.experiments import judge, peg_in_hole, spec
+from tilthex.experiments.stability import Chain, growth, least_damping
+
+
+@pytest.mark.parametrize("name", spec.built_in())
+@pytest.mark.parametrize("short", [False, True])
+def test_every_built_in_experiment_loads(name: str, short: bool) -> None:
+    experiment = spec.load(name, short=short)
+    assert experiment.runs
+    judge.of(experiment.kind)
+    for run in experiment.runs:
+        run.scene()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("[world]", "[wrold]", "unknown key `wrold`; the nearest known one is `world`"),
+        ("hold = 3.0", "hodl = 3.0", "the nearest known one is `hold`"),
+        ('scene = "plane"', 'scene = "plain"', "expected one of clamp, free, funnel, plane"),
+        ("friction = 0.2", "fricton = 0.2", "fricton"),
+        ("[world]", "[world", "line"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_one_sentence(tmp_path: Path, old: str, new: str, said: str) -> None:
+    text = spec.load("sliding").text
+    path = tmp_path / "mine.toml"
+    path.write_text(text.replace(old, new, 1))
+    with pytest.raises(ValueError, match=r".+") as refused:
+        for run in spec.load(str(path)).runs:
+            run.scene()
+    assert said in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_unknown_name_lists_the_known_ones() -> None:
+    with pytest.raises(ValueError, match="shaping, sliding, peg-in-hole, multi-contact, chirp, all"):
+        spec.load("slidign")
+
+
+def test_changes_win_over_runs_and_runs_over_the_file() -> None:
+    changed = spec.load("sliding", changes={"world": {"friction": 0.11}, "seed": 9})
+    assert {run.world["friction"] for run in changed.runs} == {0.11}
+    assert {run.seed for run in changed.runs} == {9}
+    plain = {run.name: run for run in spec.load("sliding").runs}
+    assert plain["K_y = 10"].config["admittance"]["stiffness"][1] == 10.0
+    assert plain["K_y = 2.5"].config["admittance"]["stiffness"][1] == 2.5
+    assert plain["K_y = 10"].config["admittance"]["mass"] == plain["K_y = 2.5"].config["admittance"]["mass"]
+
+
+@given(seed=st.integers(0, 2**31), index=st.integers(0, 10_000))
+def test_random_cases_are_reproducible_and_within_their_ranges(seed: int, index: int) -> None:
+    run = spec.load("peg-in-hole").runs[0]
+    case = peg_in_hole.draw(run, seed, index)
+    assert case == peg_in_hole.draw(run, seed, index)
+    assert 5.0 <= case.world["tilt_deg"] <= 20.0
+    assert 0.05 <= case.world["friction"] <= 0.3
+    scene = case.scene()
+    mouth = scene.origin + 0.012 * scene.rotation[:, 2]
+    path = np.array(run.waypoints[0].position[:2])
+    assert np.linalg.norm(mouth[:2] - path) <= 0.008 + 1e-12
+
+
+def test_the_directions_of_random_cases_cover_the_circle() -> None:
+    run = spec.load("peg-in-hole").runs[0]
+    cases = [peg_in_hole.draw(run, 1, i) for i in range(100)]
+    counts, _ = np.histogram([c.world["direction_deg"] for c in cases], bins=4, range=(-180.0, 180.0))
+    assert counts.min() > 10
+    assert len({c.seed for c in cases}) == 100
+
+
+@given(
+    gain=st.floats(5.0, 100.0),
+    stiffness=st.floats(5.0, 100.0),
+    part=st.floats(0.05, 0.9),
+)
+def test_less_damping_than_the_bound_is_unstable(gain: float, stiffness: float, part: float) -> None:
+    """The bound is necessary: below it, the poles of the full linear loop grow."""
+    chain = Chain(observer_gain=gain)
+    damping = part * least_damping(chain, stiffness)
+    low = replace(chain, rotation=(1e-4, damping, 0.05))
+    height = 0.045
+    walls = ((0.0, 1e5, 200.0), (height, stiffness / height**2, 0.0))
+    assert growth(low, walls) > 0.0
+
+
+def test_the_parameters_of_the_experiment_are_stable_and_those_seen_to_shake_are_not() -> None:
+    walls = ((0.0, 1e5, 200.0), (0.045, 2e4, 0.0))
+    assert growth(Chain(), walls) < 0.0
+    for gain in (10.0, 30.0):
+        assert growth(Chain(observer_gain=gain, rotation=(0.01, 0.5, 0.05)), walls) > 0.0
+
+
+def test_free_flight_is_stable() -> None:
+    assert growth(Chain(), ()) <= 1e-9
+    assert growth(Chain(low_pass_hz=5.0), ()) <= 1e-9
