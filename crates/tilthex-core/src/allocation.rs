@@ -6,6 +6,8 @@
 //! by the least amount for the sake of one after it (see `hierarchy`).
 
 mod hierarchy;
+mod levels;
+mod section;
 
 use crate::{
     Error, GRAVITY, Vehicle,
@@ -13,8 +15,10 @@ use crate::{
     types::{MAX_ROTORS, RotorVector, Vector6},
     vehicle::{Allocation as Matrix, AllocationInverse, inputs},
 };
-use hierarchy::{Problem, ROWS, Side};
+use hierarchy::{ROWS, Side};
+use levels::Levels;
 use libm::{exp, sqrt};
+pub use section::ForceSection;
 
 /// Most steps of one search. No input is known that needs half of them; a
 /// search that reached them would return its best inputs so far, in the limits.
@@ -104,17 +108,6 @@ pub struct Allocator {
     tolerance: f64,
 }
 
-/// The allocation matrix by priority, scaled: `row . (u / input_scale) = w / wrench_scale`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Levels {
-    rows: [[f64; MAX_ROTORS]; ROWS],
-    /// Where each row stands in the wrench.
-    order: [usize; ROWS],
-    ends: [usize; 4],
-    wrench_scale: [f64; ROWS],
-    input_scale: f64,
-}
-
 /// Where the last search ended: where the next one starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AllocatorState {
@@ -153,8 +146,6 @@ pub struct Allocation {
     pub iterations: u32,
 }
 
-/// Rows of a part smaller than this part of the matrix' largest entry are none.
-const NO_EFFECT: f64 = 1e-12;
 /// Errors below this part of the vehicle's weight (or of its weight times a metre) are none.
 const SHORTFALL_TOLERANCE: f64 = 1e-7;
 /// Wanted components are cut here, so that their squares are finite numbers.
@@ -164,7 +155,28 @@ impl Allocator {
     /// For one vehicle, with its rotors' own limits and the usual order.
     #[must_use]
     pub fn new(vehicle: &Vehicle) -> Self {
-        let params = AllocatorParams::default();
+        Self::build(vehicle, AllocatorParams::default())
+    }
+
+    /// For one vehicle.
+    ///
+    /// # Errors
+    /// An order that does not hold each part once, or a horizon out of range.
+    pub fn with_params(vehicle: &Vehicle, params: AllocatorParams) -> Result<Self, Error> {
+        check_range("horizon", params.horizon, 0.0, 10.0)?;
+        let found = Priority::ORDER.iter().filter(|p| params.order.contains(p)).count();
+        if found < 4 {
+            return Err(Error::Count {
+                name: "different parts of the wrench in order",
+                found,
+                min: 4,
+                max: 4,
+            });
+        }
+        Ok(Self::build(vehicle, params))
+    }
+
+    fn build(vehicle: &Vehicle, params: AllocatorParams) -> Self {
         let (mut min_speed, mut max_speed) = (RotorVector::zeros(), RotorVector::zeros());
         for (i, rotor) in vehicle.rotors().iter().enumerate() {
             min_speed[i] = rotor.min_speed;
@@ -184,7 +196,7 @@ impl Allocator {
             rotor_time_constant: vehicle.rotor_time_constant(),
             params,
             tolerance: SHORTFALL_TOLERANCE * vehicle.mass() * GRAVITY,
-            levels: Levels::new(vehicle.allocation(), &params.order, &inputs(&max_speed)),
+            levels: Levels::by_priority(vehicle, &params.order),
         };
         if vehicle.rank() < ROWS {
             allocator.inverse = allocator.ordered_inverse();
@@ -196,29 +208,6 @@ impl Allocator {
             allocator.offset = allocator.hover - allocator.inverse * (allocator.matrix * allocator.hover);
         }
         allocator
-    }
-
-    /// The same with other parameters.
-    ///
-    /// # Errors
-    /// An order that does not hold each part once, or a horizon out of range.
-    pub fn with_params(mut self, params: AllocatorParams) -> Result<Self, Error> {
-        check_range("horizon", params.horizon, 0.0, 10.0)?;
-        let found = Priority::ORDER.iter().filter(|p| params.order.contains(p)).count();
-        if found < 4 {
-            return Err(Error::Count {
-                name: "different parts of the wrench in order",
-                found,
-                min: 4,
-                max: 4,
-            });
-        }
-        self.params = params;
-        self.levels = Levels::new(&self.matrix, &params.order, &self.upper);
-        if self.rank < ROWS {
-            self.inverse = self.ordered_inverse();
-        }
-        Ok(self)
     }
 
     /// The parameters.
@@ -280,6 +269,11 @@ impl Allocator {
         self.search(state, &wrench, (&lower, &upper))
     }
 
+    /// What to stay near to; without redundant rotors no two inputs produce the same wrench.
+    fn preferred(&self) -> Option<&RotorVector> {
+        (self.rotor_count > self.rank).then_some(&self.hover)
+    }
+
     fn unlimited(&self, wrench: &Vector6, inputs: RotorVector) -> Allocation {
         if self.rank < ROWS {
             return self.report(wrench, inputs, None, 0);
@@ -307,45 +301,9 @@ impl Allocator {
             state.inputs = self.hover;
             state.side = [Side::Free; MAX_ROTORS];
         }
-        let target = self.levels.target(wrench);
-        let solve = match self.rotor_count {
-            0..=6 => Self::solve::<6>,
-            7..=8 => Self::solve::<8>,
-            _ => Self::solve::<MAX_ROTORS>,
-        };
-        let iterations = solve(self, state, &target, limits);
+        let iterations = self.levels.solve(state, wrench, limits, self.preferred());
         state.searched = true;
         self.report(wrench, state.inputs, Some(limits), iterations)
-    }
-
-    /// Searches among the first `N` rotors, from and to `state`.
-    fn solve<const N: usize>(
-        &self,
-        state: &mut AllocatorState,
-        target: &[f64; ROWS],
-        limits: (&RotorVector, &RotorVector),
-    ) -> u32 {
-        let scale = self.levels.input_scale;
-        let shrink = 1.0 / scale;
-        let head = |v: &RotorVector| -> [f64; N] { core::array::from_fn(|i| v[i] * shrink) };
-        let preferred = head(&self.hover);
-        let problem = Problem {
-            rows: &self.levels.rows.map(|row| core::array::from_fn(|i| row[i])),
-            level_ends: &self.levels.ends,
-            target,
-            lower: &head(limits.0),
-            upper: &head(limits.1),
-            // Without redundant rotors no two inputs produce the same wrench.
-            preferred: (self.rotor_count > self.rank).then_some(&preferred),
-        };
-        let solution =
-            hierarchy::solve(&problem, &head(&state.inputs), &core::array::from_fn(|i| state.side[i]));
-        for i in 0..N {
-            // At a limit it is the limit itself, not what scaling makes of it.
-            state.inputs[i] = (solution.x[i] * scale).max(limits.0[i]).min(limits.1[i]);
-            state.side[i] = solution.side[i];
-        }
-        solution.iterations
     }
 
     /// The linear map from wrenches to inputs that a search without limits is.
@@ -358,7 +316,7 @@ impl Allocator {
             let mut unit = Vector6::zeros();
             unit[r] = 1.0;
             let mut state = AllocatorState::default();
-            self.solve::<MAX_ROTORS>(&mut state, &self.levels.target(&unit), (&lower, &upper));
+            self.levels.solve(&mut state, &unit, (&lower, &upper), Some(&RotorVector::zeros()));
             column.copy_from(&state.inputs);
         }
         inverse
@@ -384,40 +342,6 @@ impl Allocator {
         }
         let saturated = limits.is_some();
         Allocation { inputs, wrench, saturated, given_up, shortfall, at_lower, at_upper, iterations }
-    }
-}
-
-impl Levels {
-    fn new(matrix: &Matrix, order: &[Priority; 4], largest_input: &RotorVector) -> Self {
-        let input_scale = largest_input.amax();
-        let largest = matrix.amax();
-        let mut levels = Self {
-            rows: [[0.0; MAX_ROTORS]; ROWS],
-            order: [0; ROWS],
-            ends: [0; 4],
-            wrench_scale: [1.0; ROWS],
-            input_scale,
-        };
-        let mut next = 0;
-        for (level, priority) in order.iter().enumerate() {
-            let norm = priority.rows().iter().map(|r| matrix.row(*r).norm()).fold(0.0, f64::max);
-            for r in priority.rows() {
-                levels.order[next] = *r;
-                // A level that no rotor moves stays zero.
-                if norm > NO_EFFECT * largest {
-                    levels.wrench_scale[next] = norm * input_scale;
-                    levels.rows[next] = core::array::from_fn(|i| matrix[(*r, i)] / norm);
-                }
-                next += 1;
-            }
-            levels.ends[level] = next;
-        }
-        levels
-    }
-
-    /// The wrench in the order and scale of the rows.
-    fn target(&self, wrench: &Vector6) -> [f64; ROWS] {
-        core::array::from_fn(|i| wrench[self.order[i]] / self.wrench_scale[i])
     }
 }
 

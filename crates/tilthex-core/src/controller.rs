@@ -5,6 +5,7 @@ use crate::{
     Error, GRAVITY, Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, centre_of_mass_reference},
     allocation::{Allocation, Allocator, AllocatorParams, AllocatorState, RotorStatus},
+    attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
     bias::BiasEstimator,
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone},
@@ -31,6 +32,8 @@ pub struct ControllerParams {
     pub low_pass_hz: f64,
     /// What is given up first where the rotors' limits do not let all be had.
     pub allocation: AllocatorParams,
+    /// Which attitude is flown where lateral force does not suffice.
+    pub attitude: AttitudeParams,
 }
 
 /// The controller of one vehicle.
@@ -42,6 +45,7 @@ pub struct Controller {
     low_pass: LowPass,
     admittance: AdmittanceFilter,
     pose: PoseController,
+    attitude: AttitudeSelector,
     allocator: Allocator,
 }
 
@@ -58,6 +62,8 @@ pub struct ControllerState {
     pub bias_r: Wrench,
     /// Its estimator, running while [`ControllerInput::learn_bias`] is set.
     pub bias_estimator: BiasEstimator,
+    /// The attitude selector's.
+    pub attitude: AttitudeState,
     /// The allocator's.
     pub allocator: AllocatorState,
 }
@@ -101,7 +107,7 @@ pub struct ControllerOutput {
     pub compliant: bool,
     /// Reference of the tool.
     pub reference: Setpoint,
-    /// Reference of the centre of mass.
+    /// Reference of the centre of mass, turned where the force needs it.
     pub robot_reference: Reference,
     /// Errors and wanted accelerations of the pose controller.
     pub pose: PoseCommand,
@@ -126,7 +132,8 @@ impl Controller {
             low_pass: LowPass::new(params.low_pass_hz)?,
             admittance: AdmittanceFilter::new(params.admittance)?,
             pose: PoseController::new(params.pose)?,
-            allocator: Allocator::new(&vehicle).with_params(params.allocation)?,
+            attitude: AttitudeSelector::new(&vehicle, params.attitude)?,
+            allocator: Allocator::with_params(&vehicle, params.allocation)?,
             vehicle,
             params,
         })
@@ -179,10 +186,15 @@ impl Controller {
         let drive =
             if input.compliant { wrench_admittance_w + input.setpoint.wrench_w } else { Wrench::ZERO };
         let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
-        let robot_reference = centre_of_mass_reference(&yielded.reference, tool);
-        let pose = self.pose.step(robot, &robot_reference);
-        let wanted_wrench_r = self.wanted_wrench(robot, &pose, &observed);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
+        let full = centre_of_mass_reference(&yielded.reference, tool);
+        let force_w = self.wanted_force(&self.pose.step(robot, &full), &observed);
+        let attitude = self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt);
+        let robot_reference = attitude.reference;
+        let pose = self.pose.step(robot, &robot_reference);
+        let force_r = robot.rotation_wr.transpose() * attitude.force_w;
+        let wanted_wrench_r =
+            Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &observed) }.to_vector();
         let allocation = self.allocator.step(&mut state.allocator, &wanted_wrench_r, &rotors);
         ControllerOutput {
             rotor_speeds: speeds(&allocation.inputs),
@@ -200,19 +212,19 @@ impl Controller {
         }
     }
 
-    /// Inverse dynamics with the external wrench compensated; (12), (26).
+    /// Inverse dynamics with the external force compensated, N, world; (12), (26).
     ///
     /// The bias is compensated too: it is a wrench that the model does not
     /// explain. (26) prints a wrench subtracted from accelerations.
-    fn wanted_wrench(&self, robot: &RobotState, pose: &PoseCommand, observed: &Wrench) -> Vector6 {
-        let gravity = Vector3::new(0.0, 0.0, GRAVITY);
+    fn wanted_force(&self, pose: &PoseCommand, observed: &Wrench) -> Vector3 {
+        self.vehicle.mass() * (pose.acceleration_w + Vector3::new(0.0, 0.0, GRAVITY)) - observed.force
+    }
+
+    /// The same of the torque, N m, robot.
+    fn wanted_torque(&self, robot: &RobotState, pose: &PoseCommand, observed: &Wrench) -> Vector3 {
         let inertia = self.vehicle.inertia();
         let omega = robot.angular_velocity_r;
-        let force_w = self.vehicle.mass() * (pose.acceleration_w + gravity) - observed.force;
-        let force = robot.rotation_wr.transpose() * force_w;
-        let torque =
-            inertia * pose.angular_acceleration_r + omega.cross(&(inertia * omega)) - observed.torque;
-        Wrench { force, torque }.to_vector()
+        inertia * pose.angular_acceleration_r + omega.cross(&(inertia * omega)) - observed.torque
     }
 
     fn learn(state: &mut ControllerState, observed: &Wrench, input: &ControllerInput, dt: f64) {

@@ -65,6 +65,15 @@ pub enum Error {
         /// What is expected.
         expected: &'static str,
     },
+    /// A choice that does not go with the vehicle.
+    Unsupported {
+        /// The parameter.
+        name: &'static str,
+        /// What was chosen.
+        found: &'static str,
+        /// What is expected, and why.
+        expected: &'static str,
+    },
     /// The rotors can not turn the vehicle about every axis and carry it as well.
     NotControllable {
         /// Rank of the allocation matrix.
@@ -103,6 +112,9 @@ impl fmt::Display for Error {
             }
             Self::Rotor { rotor, name, found, expected } => {
                 write!(f, "rotor {rotor} has {name} = {found}; expected {expected}")
+            }
+            Self::Unsupported { name, found, expected } => {
+                write!(f, "{name} is \"{found}\"; expected {expected}")
             }
             Self::NotControllable { rank, torque_rank, condition, rotor } => write!(
                 f,

@@ -19,6 +19,7 @@
 
 pub mod admittance;
 pub mod allocation;
+pub mod attitude;
 pub mod bias;
 pub mod clock_sync;
 pub mod controller;

@@ -15,6 +15,7 @@ use tilthex_core::{
     Matrix3, Matrix6, PoseSample, RobotState, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     admittance::AdmittanceParams,
     allocation::AllocatorParams,
+    attitude::AttitudeParams,
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, Outcome},
     plant::{Plant, PlantState, SensorParams, Sensors},
@@ -102,6 +103,7 @@ fn controller(vehicle: Vehicle) -> Controller {
         torque_dead_zone: 5.0,
         low_pass_hz: 10.0,
         allocation: AllocatorParams::default(),
+        attitude: AttitudeParams::default(),
     };
     Controller::new(vehicle, params).unwrap()
 }

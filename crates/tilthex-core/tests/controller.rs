@@ -10,6 +10,7 @@ use tilthex_core::{
     Matrix3, Matrix6, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     admittance::AdmittanceParams,
     allocation::AllocatorParams,
+    attitude::AttitudeParams,
     controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
     plant::{Plant, PlantState, SensorParams, Sensors},
     pose_control::PoseGains,
@@ -41,6 +42,7 @@ fn params() -> ControllerParams {
         torque_dead_zone: 0.2,
         low_pass_hz: 10.0,
         allocation: AllocatorParams::default(),
+        attitude: AttitudeParams::default(),
     }
 }
 

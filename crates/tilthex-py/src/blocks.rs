@@ -213,11 +213,9 @@ impl Allocator {
     #[new]
     #[pyo3(signature = (vehicle, config=None))]
     fn new(vehicle: &Vehicle, config: Option<&Config>) -> PyResult<Self> {
-        let mut block = allocation::Allocator::new(vehicle.core());
-        if let Some(config) = config {
-            let params = config.checked.controller().allocation;
-            block = block.with_params(params).map_err(convert::value_error)?;
-        }
+        let params = config.map_or_else(Default::default, |c| c.checked.controller().allocation);
+        let block =
+            allocation::Allocator::with_params(vehicle.core(), params).map_err(convert::value_error)?;
         Ok(Self { block, count: vehicle.core().rotor_count() })
     }
 

@@ -330,27 +330,22 @@ impl<'a, const N: usize> Search<'a, N> {
     /// Orthonormalises rows `..end` over the variables that are free now; returns their rank.
     fn rebuild(&mut self, end: usize) -> usize {
         self.basis.count = 0;
-        for r in 0..end {
-            loop {
-                let mut row = self.problem.rows[r];
-                self.basis.reduce(&mut row);
-                let size = sqrt(self.basis.norm_squared(&row));
-                if size > ZERO {
-                    self.basis.push(&row, size);
-                    break;
-                }
-                let Some(i) = self.tied(&row) else { break };
+        let mut r = 0;
+        while r < end {
+            let mut row = self.problem.rows[r];
+            self.basis.reduce(&mut row);
+            let size = sqrt(self.basis.norm_squared(&row));
+            r += 1;
+            if size > ZERO {
+                self.basis.push(&row, size);
+            } else if let Some(i) = self.tied(&row) {
+                // At most once a variable: it stays free until a step holds it.
                 self.free(i);
-                return self.rebuild_freed(end);
+                self.basis.count = 0;
+                r = 0;
             }
         }
         self.basis.count
-    }
-
-    /// Out of line: the recursion is at most one deep a variable.
-    #[cold]
-    fn rebuild_freed(&mut self, end: usize) -> usize {
-        self.rebuild(end)
     }
 
     /// The held, not fixed, variable that moves most a row which no free one moves.

@@ -82,7 +82,7 @@ proptest! {
 
     #[test]
     fn limits_hold_and_the_search_ends(v in vehicle(), w in wrench(), order in order()) {
-        let a = Allocator::new(&v).with_params(AllocatorParams { order, horizon: 0.0 }).unwrap();
+        let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
         let out = a.allocate(&w.of(&v, &a));
         prop_assert!(within(&out.inputs, &a.lower, &a.upper), "{out:?}");
         prop_assert!(out.wrench.iter().chain(&out.shortfall).all(|x| x.is_finite()));
@@ -108,7 +108,7 @@ proptest! {
         v in vehicle(), w in wrench(), order in order(),
         turn in prop::array::uniform12(-1.0..1.0f64), size in -6.0..0.0f64,
     ) {
-        let a = Allocator::new(&v).with_params(AllocatorParams { order, horizon: 0.0 }).unwrap();
+        let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
         let wanted = w.of(&v, &a).map(wanted_component);
         prop_assume!(wanted.amax() < 1e6);
         let out = a.allocate(&wanted);
@@ -120,7 +120,7 @@ proptest! {
             for (mine, theirs) in best.iter().zip(cost(&v, &wanted, &other, &order)) {
                 let tolerance = 1e-8 * (1.0 + wanted.amax());
                 prop_assert!(theirs > mine - tolerance, "{best:?} {theirs} {out:?}");
-                if theirs > mine + tolerance * 1e-3 { break; }
+                if theirs > *mine { break; }
             }
         }
     }
@@ -153,14 +153,14 @@ proptest! {
     #[test]
     fn the_horizon_is_what_the_rotors_reach(w in wrench(), now in prop::array::uniform6(16.0..110.0f64), horizon in 0.001..0.5f64) {
         let v = tilt_hex();
-        let a = Allocator::new(&v).with_params(AllocatorParams { horizon, ..Default::default() }).unwrap();
+        let a = Allocator::with_params(&v, AllocatorParams { horizon, ..Default::default() }).unwrap();
         let mut status = RotorStatus::default();
         status.speeds.rows_mut(0, 6).copy_from_slice(&now);
         let out = a.step(&mut AllocatorState::default(), &w.of(&v, &a), &status);
         let reached = |now: f64, limit: f64| limit + (now - limit) * libm::exp(-horizon / 0.03);
-        for i in 0..6 {
-            let speed = libm::sqrt(out.inputs[i]);
-            prop_assert!(speed > reached(now[i], 16.0) - 1e-9 && speed < reached(now[i], 110.0) + 1e-9);
+        for (u, now) in out.inputs.iter().zip(now) {
+            let speed = libm::sqrt(*u);
+            prop_assert!(speed > reached(now, 16.0) - 1e-9 && speed < reached(now, 110.0) + 1e-9);
         }
     }
 }
@@ -177,7 +177,9 @@ fn the_lateral_force_is_given_up_first() {
 
     let order =
         [Priority::LateralForce, Priority::RollPitchTorque, Priority::VerticalForce, Priority::YawTorque];
-    let out = allocator.with_params(AllocatorParams { order, horizon: 0.0 }).unwrap().allocate(&wanted);
+    let out = Allocator::with_params(&tilt_hex(), AllocatorParams { order, horizon: 0.0 })
+        .unwrap()
+        .allocate(&wanted);
     assert_ne!(out.given_up, Some(Priority::LateralForce).filter(|_| out.shortfall[3] < 1e-9));
     assert!(out.shortfall[3] < 1e-9 || out.wrench[0] > 5.0);
 }
@@ -185,7 +187,7 @@ fn the_lateral_force_is_given_up_first() {
 #[test]
 fn an_order_needs_every_part() {
     let order = [Priority::LateralForce; 4];
-    let refused = Allocator::new(&tilt_hex()).with_params(AllocatorParams { order, horizon: 0.0 });
+    let refused = Allocator::with_params(&tilt_hex(), AllocatorParams { order, horizon: 0.0 });
     assert!(matches!(refused, Err(Error::Count { found: 1, .. })));
     for p in Priority::ORDER {
         assert_eq!(Priority::from_name(p.name()), Some(p));

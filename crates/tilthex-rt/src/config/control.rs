@@ -8,10 +8,13 @@ use tilthex_core::{
     Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams},
     allocation::{Allocator, AllocatorParams, Priority},
+    attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
     controller::{Controller, ControllerParams},
     pose_control::{PoseController, PoseGains},
+    vehicle::Actuation,
     wrench_observer::{ObserverGains, WrenchObserver},
 };
+use toml::Table;
 
 section! {
     /// The pose controller, (14) and (17). Each gain: one number, or one an axis.
@@ -70,6 +73,21 @@ section! {
     }
 }
 
+section! {
+    /// The attitude that is flown where the lateral force does not suffice (Franchi et al. 2018).
+    pub AttitudeSection as "attitude" {
+        /// "full": the reference's, turned where the force needs it; "minimal-tilt": level with its heading,
+        /// turned likewise; "zero-tilt": level always; "fixed-tilt": the reference's always.
+        mode: String = AttitudeMode::default().name().into(),
+        /// Part of each rotor's input range, at either end, that hovering leaves for torques.
+        reserve: f64 = AttitudeParams::default().reserve,
+        /// Largest turn away from the wanted attitude, degrees; horizontal force that needs more is given up.
+        max_turn_deg: f64 = 35.0,
+        /// Both poles of the turn's filter, rad/s.
+        bandwidth: f64 = AttitudeParams::default().bandwidth,
+    }
+}
+
 impl PoseControlSection {
     fn gains(&self) -> PoseGains {
         PoseGains {
@@ -116,6 +134,34 @@ impl AllocationSection {
     }
 }
 
+impl AttitudeSection {
+    fn params(&self) -> Result<AttitudeParams, ConfigError> {
+        let place = format!("[{}] mode", Self::NAME);
+        section::check_known("attitude", &self.mode, AttitudeMode::ALL.iter().map(|m| m.name()))
+            .map_err(|e| e.within(&place))?;
+        Ok(AttitudeParams {
+            mode: AttitudeMode::from_name(&self.mode).unwrap_or_default(),
+            reserve: self.reserve,
+            max_turn: self.max_turn_deg.to_radians(),
+            bandwidth: self.bandwidth,
+        })
+    }
+}
+
+/// Defaults that differ where a vehicle moves sideways only by tilting: there
+/// the attitude stands between the position's error and its force, and the
+/// position loop and the observer whose estimate it compensates must be slower.
+pub(super) fn defaults(vehicle: &Vehicle) -> Result<Table, ConfigError> {
+    let text = match vehicle.actuation() {
+        Actuation::Pose => "",
+        _ => {
+            "pose_control = { position_gain = 5.0, velocity_gain = 5.0 }\n\
+             wrench_observer = { force_gain = 4.0 }\n"
+        }
+    };
+    super::parse(text)
+}
+
 /// The controller's parameters, checked block by block so that an error names its section.
 pub(super) fn controller_params(
     vehicle: &Vehicle,
@@ -123,6 +169,7 @@ pub(super) fn controller_params(
     observer: &WrenchObserverSection,
     admittance: &AdmittanceSection,
     allocation: &AllocationSection,
+    attitude: &AttitudeSection,
 ) -> Result<ControllerParams, ConfigError> {
     fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
         ConfigError::from(error).within(format_args!("[{}]", S::NAME))
@@ -135,11 +182,13 @@ pub(super) fn controller_params(
         torque_dead_zone: admittance.torque_dead_zone,
         low_pass_hz: admittance.low_pass_hz,
         allocation: allocation.params()?,
+        attitude: attitude.params()?,
     };
     PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
     WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
     AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
-    Allocator::new(vehicle).with_params(params.allocation).map_err(within::<AllocationSection>)?;
+    AttitudeSelector::new(vehicle, params.attitude).map_err(within::<AttitudeSection>)?;
+    Allocator::with_params(vehicle, params.allocation).map_err(within::<AllocationSection>)?;
     // What is left to refuse is the filter and the dead zones.
     Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
     Ok(params)

@@ -13,7 +13,9 @@ mod time_scales;
 mod values;
 mod vehicle;
 
-pub use control::{AdmittanceSection, AllocationSection, PoseControlSection, WrenchObserverSection};
+pub use control::{
+    AdmittanceSection, AllocationSection, AttitudeSection, PoseControlSection, WrenchObserverSection,
+};
 pub use estimator::EstimatorSection;
 pub use section::{ConfigError, Key, Section};
 pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection};
@@ -36,6 +38,8 @@ pub struct Config {
     pub admittance: AdmittanceSection,
     /// The allocation.
     pub allocation: AllocationSection,
+    /// The attitude.
+    pub attitude: AttitudeSection,
     /// The state estimator.
     pub estimator: EstimatorSection,
     /// The link to the vehicle.
@@ -59,6 +63,7 @@ macro_rules! each_section {
             wrench_observer,
             admittance,
             allocation,
+            attitude,
             estimator,
             link,
             mocap,
@@ -119,23 +124,28 @@ impl Config {
         }
     }
 
-    fn complete(vehicle: VehicleSection, mut table: Table) -> Result<Self, ConfigError> {
+    fn complete(vehicle: VehicleSection, table: Table) -> Result<Self, ConfigError> {
         macro_rules! names {
             ($($name:ident),*) => { ["vehicle", $(stringify!($name)),*] };
         }
         for name in table.keys() {
             section::check_known("section", name, each_section!(names))?;
         }
+        let mut defaults = control::defaults(vehicle.vehicle())?;
+        overlay(&mut defaults, table);
+        let mut table = defaults;
         let pose_control = section::take(&mut table)?;
         let wrench_observer = section::take(&mut table)?;
         let admittance = section::take(&mut table)?;
         let allocation = section::take(&mut table)?;
+        let attitude = section::take(&mut table)?;
         let controller = control::controller_params(
             vehicle.vehicle(),
             &pose_control,
             &wrench_observer,
             &admittance,
             &allocation,
+            &attitude,
         )?;
         let config = Self {
             vehicle,
@@ -143,6 +153,7 @@ impl Config {
             wrench_observer,
             admittance,
             allocation,
+            attitude,
             estimator: section::take(&mut table)?,
             link: section::take(&mut table)?,
             mocap: section::take(&mut table)?,

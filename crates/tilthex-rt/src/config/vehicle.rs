@@ -15,6 +15,10 @@ use toml::{Table, Value};
 pub const PRESETS: &[(&str, &str)] = &[
     ("tilt-hex", include_str!("../../../../vehicles/tilt-hex.toml")),
     ("tilt-hex-light", include_str!("../../../../vehicles/tilt-hex-light.toml")),
+    ("hexarotor", include_str!("../../../../vehicles/hexarotor.toml")),
+    ("quadrotor", include_str!("../../../../vehicles/quadrotor.toml")),
+    ("omnidirectional-octorotor", include_str!("../../../../vehicles/omnidirectional-octorotor.toml")),
+    ("coaxial-tilt-hex", include_str!("../../../../vehicles/coaxial-tilt-hex.toml")),
 ];
 
 section! {

@@ -1,0 +1,116 @@
+//! The allocation matrix as levels of a hierarchy, scaled to numbers near one.
+
+use super::{
+    AllocatorState, Priority,
+    hierarchy::{self, Problem, ROWS},
+};
+use crate::{
+    Vehicle,
+    types::{MAX_ROTORS, RotorVector, Vector6},
+    vehicle::Allocation as Matrix,
+};
+
+/// Rows of a level smaller than this part of the matrix' largest entry are none.
+const NO_EFFECT: f64 = 1e-12;
+
+/// Rows in the order of their level: `row . (u / input_scale) = w / wrench_scale`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Levels {
+    rows: [[f64; MAX_ROTORS]; ROWS],
+    /// Where each row stands in the wrench.
+    order: [usize; ROWS],
+    ends: [usize; 4],
+    count: usize,
+    wrench_scale: [f64; ROWS],
+    input_scale: f64,
+    rotor_count: usize,
+}
+
+impl Levels {
+    /// One level a priority.
+    pub(super) fn by_priority(vehicle: &Vehicle, order: &[Priority; 4]) -> Self {
+        Self::new(vehicle, order.iter().map(|p| p.rows()))
+    }
+
+    /// The torque, then the force.
+    pub(super) fn torque_first(vehicle: &Vehicle) -> Self {
+        let groups: [&[usize]; 2] = [&[3, 4, 5], &[0, 1, 2]];
+        Self::new(vehicle, groups.into_iter())
+    }
+
+    fn new<'a>(vehicle: &Vehicle, groups: impl Iterator<Item = &'a [usize]>) -> Self {
+        let matrix: &Matrix = vehicle.allocation();
+        let largest_speed =
+            vehicle.rotors().iter().fold(0.0, |m: f64, r| m.max(r.max_speed.abs()).max(r.min_speed.abs()));
+        let mut levels = Self {
+            rows: [[0.0; MAX_ROTORS]; ROWS],
+            order: [0; ROWS],
+            ends: [0; 4],
+            count: 0,
+            wrench_scale: [1.0; ROWS],
+            input_scale: largest_speed * largest_speed,
+            rotor_count: vehicle.rotors().len(),
+        };
+        let largest = matrix.amax();
+        let mut next = 0;
+        for group in groups {
+            let norm = group.iter().map(|r| matrix.row(*r).norm()).fold(0.0, f64::max);
+            for r in group {
+                levels.order[next] = *r;
+                // A level that no rotor moves stays zero.
+                if norm > NO_EFFECT * largest {
+                    levels.wrench_scale[next] = norm * levels.input_scale;
+                    levels.rows[next] = core::array::from_fn(|i| matrix[(*r, i)] / norm);
+                }
+                next += 1;
+            }
+            levels.ends[levels.count] = next;
+            levels.count += 1;
+        }
+        levels
+    }
+
+    /// Searches from and to `state`; returns the steps it took.
+    pub(super) fn solve(
+        &self,
+        state: &mut AllocatorState,
+        wrench: &Vector6,
+        limits: (&RotorVector, &RotorVector),
+        preferred: Option<&RotorVector>,
+    ) -> u32 {
+        // No more work than the rotors there are.
+        match self.rotor_count {
+            0..=6 => self.solve_first::<6>(state, wrench, limits, preferred),
+            7..=8 => self.solve_first::<8>(state, wrench, limits, preferred),
+            _ => self.solve_first::<MAX_ROTORS>(state, wrench, limits, preferred),
+        }
+    }
+
+    fn solve_first<const N: usize>(
+        &self,
+        state: &mut AllocatorState,
+        wrench: &Vector6,
+        limits: (&RotorVector, &RotorVector),
+        preferred: Option<&RotorVector>,
+    ) -> u32 {
+        let shrink = 1.0 / self.input_scale;
+        let head = |v: &RotorVector| -> [f64; N] { core::array::from_fn(|i| v[i] * shrink) };
+        let preferred = preferred.map(head);
+        let problem = Problem {
+            rows: &self.rows.map(|row| core::array::from_fn(|i| row[i])),
+            level_ends: &self.ends[..self.count],
+            target: &core::array::from_fn(|i| wrench[self.order[i]] / self.wrench_scale[i]),
+            lower: &head(limits.0),
+            upper: &head(limits.1),
+            preferred: preferred.as_ref(),
+        };
+        let guess = core::array::from_fn(|i| state.side[i]);
+        let solution = hierarchy::solve(&problem, &head(&state.inputs), &guess);
+        for i in 0..N {
+            // At a limit it is the limit itself, not what scaling makes of it.
+            state.inputs[i] = (solution.x[i] * self.input_scale).max(limits.0[i]).min(limits.1[i]);
+            state.side[i] = solution.side[i];
+        }
+        solution.iterations
+    }
+}

@@ -1,0 +1,170 @@
+//! Every preset flies on its default set-up: hover, a 6-D trajectory as far as
+//! it can, a push; limits, lost rotors.
+
+use tilthex_core::{
+    Matrix3, Setpoint, Vector3, Wrench,
+    controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
+    plant::{Plant, PlantState},
+    so3,
+    vehicle::Actuation,
+};
+use tilthex_rt::config::{Config, PRESETS, VehicleSection};
+
+const PERIOD: f64 = 0.002;
+
+struct Flight {
+    plant: Plant,
+    controller: Controller,
+    state: PlantState,
+    memory: ControllerState,
+    lost: u16,
+}
+
+fn flight(preset: &str, keys: &str) -> Flight {
+    let config = Config::default_for(VehicleSection::preset(preset).unwrap());
+    let config = config.overlaid(keys.parse().unwrap()).unwrap();
+    let vehicle = *config.vehicle.vehicle();
+    let plant = Plant::new(vehicle);
+    Flight {
+        plant,
+        controller: Controller::new(vehicle, *config.controller()).unwrap(),
+        state: plant.hover(Vector3::new(0.0, 0.0, 1.0)),
+        memory: ControllerState::default(),
+        lost: 0,
+    }
+}
+
+impl Flight {
+    fn tool(&self) -> (Vector3, Matrix3) {
+        self.plant.tool_pose(&self.state)
+    }
+
+    fn hold(&self) -> Setpoint {
+        let (position, rotation) = self.tool();
+        Setpoint::hold(position, rotation)
+    }
+
+    /// One tick with exact sensors; rotors keep to their limits, lost ones stand.
+    fn tick(&mut self, setpoint: &Setpoint, push_w: &Wrench) -> ControllerOutput {
+        let external = self.plant.from_tool(&self.state, push_w);
+        let gravity = Vector3::new(0.0, 0.0, tilthex_core::GRAVITY);
+        let (acceleration, _) = self.plant.accelerations(&self.state, &external);
+        let robot = self.state.robot;
+        let input = ControllerInput {
+            state: robot,
+            specific_force_r: robot.rotation_wr.transpose() * (acceleration + gravity),
+            rotor_speeds: self.state.rotor_speeds,
+            setpoint: *setpoint,
+            compliant: true,
+            learn_bias: false,
+            lost_rotors: self.lost,
+        };
+        let out = self.controller.step(&mut self.memory, &input, PERIOD);
+        let mut command = out.rotor_speeds;
+        for (i, rotor) in self.plant.vehicle().rotors().iter().enumerate() {
+            if self.lost >> i & 1 == 1 {
+                self.state.rotor_speeds[i] = 0.0;
+                command[i] = 0.0;
+            } else {
+                assert!(command[i] >= rotor.min_speed - 1e-9 && command[i] <= rotor.max_speed + 1e-9);
+            }
+        }
+        self.plant.step(&mut self.state, &command, &external, PERIOD);
+        out
+    }
+
+    fn fly(&mut self, seconds: f64, setpoint: &Setpoint, push_w: &Wrench) -> ControllerOutput {
+        let mut last = self.tick(setpoint, push_w);
+        for _ in 1..(seconds / PERIOD) as usize {
+            last = self.tick(setpoint, push_w);
+        }
+        last
+    }
+}
+
+fn push(x: f64, y: f64, z: f64) -> Wrench {
+    Wrench { force: Vector3::new(x, y, z), torque: Vector3::zeros() }
+}
+
+/// The angle between two attitudes, degrees.
+fn degrees(a: &Matrix3, b: &Matrix3) -> f64 {
+    so3::angle(&(a.transpose() * b)).to_degrees()
+}
+
+#[test]
+fn every_vehicle_hovers() {
+    for (name, _) in PRESETS {
+        let mut f = flight(name, "");
+        let start = f.hold();
+        // Set down 0.2 m away and turned: it comes back.
+        f.state.robot.position_w += Vector3::new(0.1, -0.15, 0.1);
+        f.state.robot.rotation_wr = so3::rot_x(0.1) * so3::rot_z(0.3);
+        let out = f.fly(12.0, &start, &Wrench::ZERO);
+        let (position, rotation) = f.tool();
+        assert!((position - start.position_w).norm() < 1e-3, "{name} {position}");
+        assert!(degrees(&rotation, &start.rotation_we) < 0.1, "{name}");
+        assert!(!out.allocation.saturated, "{name}");
+    }
+}
+
+#[test]
+fn every_vehicle_follows_a_trajectory_as_far_as_it_can() {
+    for (name, _) in PRESETS {
+        let mut f = flight(name, "");
+        let tool = *f.plant.vehicle().tool();
+        let pose = f.plant.vehicle().actuation() == Actuation::Pose;
+        let amplitude = if *name == "omnidirectional-octorotor" { 1.0 } else { 0.1 };
+        let (mut place, mut attitude) = (0.0f64, 0.0f64);
+        for k in 0..6000 {
+            let t = f64::from(k) * PERIOD;
+            // A slow figure of eight of the centre of mass with roll, pitch and yaw.
+            let (w, ramp) = (0.8, (t / 2.0).min(1.0));
+            let wave = |phase: f64, n: f64| ramp * (n * w * t + phase).sin();
+            let centre = Vector3::new(
+                0.5 * wave(0.0, 1.0),
+                0.3 * wave(0.0, 2.0),
+                1.0 + 0.2 * wave(1.0, 1.0) - 0.2 * ramp * 1f64.sin(),
+            );
+            let rotation = so3::rot_z(0.5 * wave(0.0, 1.0))
+                * so3::rot_y(amplitude * wave(0.0, 1.0))
+                * so3::rot_x(amplitude * wave(0.0, 2.0));
+            let setpoint = Setpoint::hold(centre + rotation * tool.position_r, rotation * tool.rotation_r);
+            f.tick(&setpoint, &Wrench::ZERO);
+            if t > 4.0 {
+                place = place.max((f.state.robot.position_w - centre).norm());
+                attitude = attitude.max(degrees(&f.state.robot.rotation_wr, &rotation));
+            }
+        }
+        println!("{name}: {place:.3} m, {attitude:.1} deg");
+        // Without feed-forward the position lags by velocity times gain ratio.
+        assert!(place < if pose { 0.2 } else { 0.8 }, "{name} {place} m");
+        assert!(!pose || attitude < 8.0 * amplitude.max(0.5) * 2.0, "{name} {attitude} deg");
+    }
+}
+
+#[test]
+fn every_vehicle_yields_to_a_push_and_comes_back() {
+    for (name, _) in PRESETS {
+        let mut f = flight(name, "");
+        let start = f.hold();
+        let tool = f.plant.vehicle().tool().position_r;
+        let deviation = |f: &Flight| {
+            // Of the centre of mass: a vehicle that must lean can not keep its tool in place.
+            let place = f.state.robot.position_w + tool;
+            place - start.position_w
+        };
+        let out = f.fly(12.0, &start, &push(0.7, 0.0, 0.0));
+        let spring = (0.7 - 0.2) / 6.0;
+        let pose = f.plant.vehicle().actuation() == Actuation::Pose;
+        println!(
+            "{name}: {:?} wanted {spring:.3} tilt {:.1}",
+            deviation(&f),
+            so3::tilt(&f.state.robot.rotation_wr).to_degrees()
+        );
+        if pose {
+            assert!((out.reference.position_w.x - start.position_w.x - spring).abs() < 0.01, "{name}");
+        }
+        f.fly(12.0, &start, &Wrench::ZERO);
+        assert!(deviation(&f).norm() < 0.01, "{name} {:?}", deviation(&f));
+    }
+}
