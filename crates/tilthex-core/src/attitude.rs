@@ -112,10 +112,10 @@ pub struct Attitude {
 }
 
 /// Cutting planes that are kept, and rounds of cutting.
-const PLANES: usize = 6;
-const ROUNDS: usize = 12;
+const PLANES: usize = 8;
+const ROUNDS: usize = 20;
 /// A force this part of its size away from the section is in it.
-const INSIDE: f64 = 1e-7;
+const INSIDE: f64 = 1e-8;
 /// Halvings of the horizontal force in search of the largest possible.
 const HALVINGS: usize = 10;
 
@@ -332,7 +332,7 @@ impl Sphere {
         let planes = &self.planes[..self.count];
         let mut best: Option<Vector3> = None;
         let mut consider = |f: Vector3| {
-            let slack = 1e-9 * self.size;
+            let slack = 1e-11 * self.size;
             let allowed = planes.iter().all(|p| p.normal.dot(&f) <= p.offset + slack);
             if allowed && best.is_none_or(|b| f.dot(&self.wanted) > b.dot(&self.wanted)) {
                 best = Some(f);
