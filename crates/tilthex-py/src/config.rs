@@ -3,7 +3,7 @@
 use crate::{convert, vehicle::Vehicle};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use tilthex_rt::config::Config as Checked;
 
 /// A checked set-up: the vehicle, and the parameters of every block.
@@ -25,6 +25,12 @@ impl Config {
     #[staticmethod]
     fn from_toml(path: PathBuf) -> PyResult<Self> {
         Ok(Self { checked: Checked::from_file(&path).map_err(convert::config_error)? })
+    }
+
+    /// The set-up in a text of TOML, as `to_toml` writes it.
+    #[staticmethod]
+    fn from_text(text: &str) -> PyResult<Self> {
+        Ok(Self { checked: Checked::from_text(text, Path::new("")).map_err(convert::config_error)? })
     }
 
     /// The same with some keys changed: `config.replace(admittance={"stiffness": [6, 6, 6, 10, 10, 5]})`.
