@@ -7,10 +7,14 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__
+from tilthex import __version__, fit, plot
 from tilthex.experiments import cli as experiments
 
-COMMANDS: tuple[Callable[[Any], None], ...] = (experiments.add_parser,)
+COMMANDS: tuple[Callable[[Any], None], ...] = (
+    experiments.add_parser,
+    fit.add_parser,
+    plot.add_parser,
+)
 """The `add_parser` of each subcommand's module."""
 USAGE = 2
 """Exit status of wrong usage or configuration, as of the Rust programs."""

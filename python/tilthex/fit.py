@@ -45,9 +45,9 @@ class Estimate:
     """What the configuration says."""
 
     def __str__(self) -> str:
-        line = f"{self.name:20s} {self.value:12.5g} +- {self.error:9.2g} {self.unit:9s} (model: {self.model:.5g})"
+        figure = f"{self.name:20s} {self.value:12.5g} +- {self.error:9.2g} {self.unit:9s}"
         vague = self.model != 0.0 and self.error > VAGUE * abs(self.model)
-        return line + ("  not excited enough to be known" if vague else "")
+        return f"{figure} (model: {self.model:.5g})" + ("  not excited enough to be known" if vague else "")
 
 
 def fit(flight: Flight, vehicle: Vehicle, *, unknown: str = "thrust") -> list[Estimate]:
@@ -96,7 +96,9 @@ def fit(flight: Flight, vehicle: Vehicle, *, unknown: str = "thrust") -> list[Es
     for i, axis in enumerate("xyz"):
         figures.append(Estimate(f"inertia {axis}", "kg m^2", turned[i], turned_error[i], moments[i]))
     for i, axis in enumerate("xyz"):
-        figures.append(Estimate(f"force bias {axis}", "N", force_bias[i] / lighter, error[1 + i] / lighter, 0.0))
+        figures.append(
+            Estimate(f"force bias {axis}", "N", force_bias[i] / lighter, error[1 + i] / lighter, 0.0)
+        )
     for i, axis in enumerate("xyz"):
         figures.append(Estimate(f"torque bias {axis}", "N m", turned[3 + i], turned_error[3 + i], 0.0))
     return figures
@@ -115,9 +117,14 @@ def _solve(matrix: Vector, right: Vector, independent: float) -> tuple[Vector, V
 
     start = np.linalg.lstsq(matrix, right, rcond=None)[0]
     scale = float(np.median(abs(matrix @ start - right))) or 1e-9
-    found = least_squares(
-        lambda x: matrix @ x - right, start, jac=lambda _: matrix, loss="soft_l1", f_scale=2 * scale
-    ).x
+
+    def residuals(x: Vector) -> Vector:
+        return matrix @ x - right
+
+    def jacobian(_: Vector) -> Vector:
+        return matrix
+
+    found = least_squares(residuals, start, jac=jacobian, loss="soft_l1", f_scale=2 * scale).x
     spread = float(np.median(abs(matrix @ found - right))) / 0.6745
     covariance = np.linalg.pinv(matrix.T @ matrix) * spread**2 * (len(right) / 3 / independent)
     return found, np.sqrt(np.diag(covariance))
@@ -127,15 +134,15 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
     """The part of a log in which the vehicle flies, between two times since its start."""
     topics = log.read(path, ["/state", "/rotors", "/flight"])
     state, rotors, flight = topics["/state"], topics["/rotors"], topics["/flight"]
-    time = state["time"]
+    time = state["log_time"]
     since = time - time[0]
-    phase = flight["phase"][np.searchsorted(flight["time"], time).clip(max=len(flight["time"]) - 1)]
+    phase = flight["phase"][np.searchsorted(flight["log_time"], time).clip(max=len(flight["log_time"]) - 1)]
     keep = log.flying(phase)
     keep &= since >= (begin if begin is not None else 0.0)
     keep &= since <= (end if end is not None else np.inf)
     if not keep.any():
         raise ValueError(f"{path}: nothing is flown between those times; expected a part in flight")
-    speeds = [np.interp(time[keep], rotors["time"], one) for one in rotors["measured"].T]
+    speeds = [np.interp(time[keep], rotors["log_time"], one) for one in rotors["measured"].T]
     return Flight(
         time=time[keep],
         specific_force=state["specific_force_r"][keep],
@@ -150,8 +157,12 @@ def add_parser(commands: Any) -> None:
         "fit", help="fit the vehicle's model to a flight's log", description=__doc__
     )
     parser.add_argument("log", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
-    parser.add_argument("--unknown", choices=("thrust", "mass"), default="thrust", help="the other is taken as known")
-    parser.add_argument("--begin", type=float, metavar="S", help="use the log from this time on, s since its start")
+    parser.add_argument(
+        "--unknown", choices=("thrust", "mass"), default="thrust", help="the other is taken as known"
+    )
+    parser.add_argument(
+        "--begin", type=float, metavar="S", help="use the log from this time on, s since its start"
+    )
     parser.add_argument("--end", type=float, metavar="S", help="use the log up to this time")
     parser.set_defaults(run=_run)
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import struct
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +20,43 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
 
     Each topic's columns are named by the path of the field in the message, with
     a point between names: `position_w` (N, 3), `tool_w.force` (N, 3), `command`
-    (N, n). `time` (N,) is the message's log time, s. Quaternions are (x, y, z, w).
+    (N, n). `log_time` (N,) is when the message was logged, s. Quaternions are (x, y, z, w).
 
     Raises:
         ValueError: The file is no finished MCAP log, or lacks a topic.
     """
+    wanted = list(topics)
+    rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in wanted}
+    with _opened(path) as reader:
+        for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
+            rows[channel.topic].append((message.log_time * 1e-9, decoded))
+    for topic, messages in rows.items():
+        if not messages:
+            raise ValueError(f"{path} holds no messages of {topic}; expected a log of tilthex-rt")
+    return {topic: _columns(messages) for topic, messages in rows.items()}
+
+
+def configuration(path: str | Path) -> str:
+    """The effective configuration, TOML, that is attached to a log.
+
+    Raises:
+        ValueError: There is none.
+    """
+    with _opened(path) as reader:
+        for attachment in reader.iter_attachments():
+            if attachment.name == "config.toml":
+                text: str = attachment.data.decode()
+                return text
+    raise ValueError(f"{path} has no configuration attached; expected a log of tilthex-rt")
+
+
+def flying(phase: Vector) -> NDArray[np.bool_]:
+    """Where the vehicle is off the ground: flying, holding, landing or in an emergency."""
+    return phase >= 3
+
+
+@contextmanager
+def _opened(path: str | Path) -> Iterator[Any]:
     try:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
@@ -31,24 +65,15 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
         raise ImportError(
             f"reading a log needs {error.name}, which is not installed: pip install 'tilthex[analysis]'"
         ) from error
-
-    wanted = list(topics)
-    rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in wanted}
     with Path(path).open("rb") as stream:
         try:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
-                rows[channel.topic].append((message.log_time * 1e-9, decoded))
-        except McapError as error:
-            raise ValueError(f"{path} is no MCAP log: {error or type(error).__name__}") from error
-    for topic, messages in rows.items():
-        if not messages:
-            raise ValueError(f"{path} holds no messages of {topic}; expected a log of tilthex-rt")
-    return {topic: _columns(messages) for topic, messages in rows.items()}
+            yield make_reader(stream, decoder_factories=[DecoderFactory()])
+        except (McapError, struct.error) as error:
+            raise ValueError(f"{path} is no whole MCAP log ({type(error).__name__})") from error
 
 
 def _columns(messages: list[tuple[float, Any]]) -> Columns:
-    columns = {"time": np.array([time for time, _ in messages])}
+    columns = {"log_time": np.array([time for time, _ in messages])}
     flat = [dict(_fields("", message)) for _, message in messages]
     for name in flat[0]:
         columns[name] = np.array([row[name] for row in flat], dtype=float)
@@ -67,23 +92,3 @@ def _fields(prefix: str, message: Any) -> Iterable[tuple[str, Any]]:
             yield name, [getattr(value, part.name) for part in field.message_type.fields]
         else:
             yield from _fields(f"{name}.", value)
-
-
-def flying(phase: Vector) -> NDArray[np.bool_]:
-    """Where the vehicle is off the ground: flying, holding, landing or in an emergency."""
-    return phase >= 3
-
-
-def configuration(path: str | Path) -> str:
-    """The effective configuration, TOML, that is attached to a log.
-
-    Raises:
-        ValueError: There is none.
-    """
-    from mcap.reader import make_reader
-
-    with Path(path).open("rb") as stream:
-        for attachment in make_reader(stream).iter_attachments():
-            if attachment.name == "config.toml":
-                return attachment.data.decode()
-    raise ValueError(f"{path} has no configuration attached; expected a log of tilthex-rt")

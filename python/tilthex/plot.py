@@ -6,8 +6,6 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from tilthex import log
 
 if TYPE_CHECKING:
@@ -18,9 +16,13 @@ TOPICS = ("/setpoint", "/reference", "/state", "/wrench", "/rotors", "/control",
 
 def add_parser(commands: Any) -> None:
     """Adds the subcommand."""
-    parser: argparse.ArgumentParser = commands.add_parser("plot", help="draw a flight's log", description=__doc__)
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "plot", help="draw a flight's log", description=__doc__
+    )
     parser.add_argument("log", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
-    parser.add_argument("--out", type=Path, help="picture to write; LOG with .png in place of .mcap by default")
+    parser.add_argument(
+        "--out", type=Path, help="picture to write; LOG with .png in place of .mcap by default"
+    )
     parser.set_defaults(run=_run)
 
 
@@ -38,11 +40,13 @@ def figure(path: str | Path) -> Figure:
         matplotlib.use("Agg")
         import matplotlib.pyplot as plt
     except ImportError as error:
-        raise ImportError("drawing needs matplotlib, which is not installed: pip install 'tilthex[analysis]'") from error
+        raise ImportError(
+            "drawing needs matplotlib, which is not installed: pip install 'tilthex[analysis]'"
+        ) from error
 
     topics = log.read(path, TOPICS)
     truth = _truth(path)
-    begin = topics["/flight"]["time"][0]
+    begin = topics["/flight"]["log_time"][0]
     rows = 6
     drawn, axes = plt.subplots(rows, 1, figsize=(9, 2.1 * rows), sharex=True, layout="constrained")
 
@@ -51,7 +55,7 @@ def figure(path: str | Path) -> Figure:
         axes[row].set_prop_cycle(None)
         for k, values in enumerate(columns[name].T[keep]):
             letter = "xyz"[k] if columns[name].shape[1] == 3 else str(k + 1)
-            axes[row].plot(columns["time"] - begin, values, style, lw=1, label=f"{label} {letter}")
+            axes[row].plot(columns["log_time"] - begin, values, style, lw=1, label=f"{label} {letter}")
 
     lines(0, "/setpoint", "position_w", ":", "set-point")
     lines(0, "/reference", "position_w", "-", "reference")
@@ -74,7 +78,13 @@ def figure(path: str | Path) -> Figure:
     aloft = log.flying(topics["/flight"]["phase"])
     for ax in axes:
         ax.fill_between(
-            topics["/flight"]["time"] - begin, 0, 1, where=aloft, transform=ax.get_xaxis_transform(), color="0.94", lw=0
+            topics["/flight"]["log_time"] - begin,
+            0,
+            1,
+            where=aloft,
+            transform=ax.get_xaxis_transform(),
+            color="0.94",
+            lw=0,
         )
         ax.legend(fontsize=6, ncols=6, loc="upper left")
         ax.margins(x=0)

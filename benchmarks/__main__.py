@@ -1,0 +1,99 @@
+"""`python -m benchmarks`: this library against NumPy on this machine, now."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import tilthex
+
+from benchmarks import numpy_controller as plain
+
+ROUNDS = 7
+
+
+def best(call: Callable[[], object], count: int) -> float:
+    """Time of one of `count` calls in the fastest of some rounds, us."""
+    times = []
+    for _ in range(ROUNDS):
+        begin = time.perf_counter()
+        for _ in range(count):
+            call()
+        times.append(time.perf_counter() - begin)
+    return 1e6 * min(times) / count
+
+
+def row(name: str, ours: float, numpy: float) -> None:
+    print(f"{name:48s} {ours:10.2f} {numpy:10.2f} {numpy / ours:10.0f}")
+
+
+VEHICLE = tilthex.Vehicle.preset("tilt-hex")
+CONFIG = tilthex.Config.default(VEHICLE)
+HOME = tilthex.Setpoint([0, 0, 1], np.eye(3))
+START = HOME.position - VEHICLE.tool_position
+PUSH = np.array([1.4, 0, 0])
+SHAPE = ([1.5] * 3 + [0.01, 0.01, 0.02], [10] * 3 + [4] * 3, [6] * 3 + [10, 10, 5])
+
+
+def numpy_run(duration: float) -> np.ndarray:
+    controller, plant = plain.Controller(VEHICLE, *SHAPE), plain.Plant(VEHICLE, START)
+    for _ in range(round(duration / 0.002)):
+        a, _ = plant.acceleration(plant.r, plant.speeds, PUSH)
+        s = plant.r.T @ (a + plain.GRAVITY)
+        command = controller.step(
+            plant.p, plant.v, plant.r, plant.w, s, plant.speeds, HOME.position, np.eye(3), 0.002
+        )
+        for _ in range(2):
+            plant.step(command, PUSH, 0.001)
+    return plant.p + plant.r @ VEHICLE.tool_position
+
+
+def rust_run(duration: float, **options: object) -> np.ndarray:
+    push = {"at": 0.0, "duration": duration, "force": PUSH}
+    run = tilthex.simulate(CONFIG, duration=duration, setpoint=HOME, pushes=[push], noise=0, **options)
+    return run["tool_position"][-1]
+
+
+def main() -> None:
+    # The two must do the same work before their times mean anything.
+    apart = np.linalg.norm(numpy_run(10.0) - rust_run(10.0, estimator=False))
+    if not apart < 2e-3:
+        raise SystemExit(f"the two versions end {apart:.4f} m apart; expected the same flight")
+
+    print(f"{'microseconds':48s} {'tilthex':>10s} {'NumPy':>10s} {'ratio':>10s}")
+    controller, reference = tilthex.Controller(VEHICLE, CONFIG), plain.Controller(VEHICLE, *SHAPE)
+    r, zero, speeds = np.eye(3), np.zeros(3), VEHICLE.hover_speeds()
+    up = np.array([0, 0, tilthex.GRAVITY])
+    row(
+        "controller, one call from Python",
+        best(
+            lambda: controller.step(
+                position=START,
+                velocity=zero,
+                rotation=r,
+                angular_velocity=zero,
+                specific_force=up,
+                rotor_speeds=speeds,
+                setpoint=HOME,
+            ),
+            2000,
+        ),
+        best(lambda: reference.step(START, zero, r, zero, up, speeds, HOME.position, r, 0.002), 200),
+    )
+    steps = 5000
+    numpy_step = best(lambda: numpy_run(0.4), 1) / 200
+    row(
+        "closed loop in Rust, one period, exact state",
+        best(lambda: rust_run(0.002 * steps, estimator=False), 1) / steps,
+        numpy_step,
+    )
+    row(
+        "the same with the estimator (NumPy: without)",
+        best(lambda: rust_run(0.002 * steps), 1) / steps,
+        numpy_step,
+    )
+
+
+if __name__ == "__main__":
+    main()
