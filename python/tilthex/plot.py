@@ -86,7 +86,7 @@ def figure(path: str | Path) -> Figure:
             color="0.94",
             lw=0,
         )
-        ax.legend(fontsize=6, ncols=6, loc="upper left")
+        ax.legend(fontsize=6, ncols=6, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, borderpad=0)
         ax.margins(x=0)
     return drawn
 
