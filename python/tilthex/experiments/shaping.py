@@ -41,7 +41,7 @@ def checks(run: Run, record: Record) -> list[Check]:
     expected = (run.push["force"][0] - run.judge["dead_zone"]) / stiffness
     off = (record.reference_position - record.setpoint_position)[:, 0]
     end = run.push["end"]
-    steady = float(np.mean(off[(record.time > end - 2.0) & (record.time < end)]))
+    steady = float(np.mean(off[(record.time > end - run.judge["steady"]) & (record.time < end)]))
     ideal, _ = ideal_response(run, record.time)
     distance = float(np.max(np.abs(off - ideal)))
     table = [
@@ -66,7 +66,7 @@ def _settles(run: Run) -> bool:
     """Whether the ideal response has a thousandth left to go when the steady state is taken."""
     mass, damping, stiffness = (admittance(run, key)[0] for key in ("mass", "damping", "stiffness"))
     slowest = float(np.max(np.roots([mass, damping, stiffness]).real))
-    return bool(slowest * (run.push["end"] - 2.0 - run.push["start"]) < math.log(1e-3))
+    return bool(slowest * (run.push["end"] - run.judge["steady"] - run.push["start"]) < math.log(1e-3))
 
 
 def figures(flights: Flights) -> Figures:

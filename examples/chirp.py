@@ -1,0 +1,57 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
+# %% [markdown]
+# # The wrench observer against a sensor
+#
+# The tool is clamped to a six-axis sensor, and the set-point swings ever faster; the paper's figure
+# 4. An observer of gain L errs by w / sqrt(w^2 + L^2) at the frequency w.
+#
+# Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
+
+# %%
+import os
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from tilthex.experiments import judge, spec
+from tilthex.experiments.chirp import chirp_frequency, without_phase
+from tilthex.experiments.flight import fly
+from tilthex.experiments.report import text_table
+
+
+def show(name: str) -> None:
+    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
+    if "TILTHEX_OUT" in os.environ:
+        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
+    plt.show()
+
+
+# %% [markdown]
+# The set-up is one TOML file; these are its parameters.
+
+# %%
+experiment = spec.load("chirp", short="--full" not in sys.argv)
+print(experiment.text)
+
+# %% [markdown]
+# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+
+# %%
+flights = [(run, fly(run)) for run in experiment.runs]
+judged = judge.of(experiment.kind)
+print(text_table([check for run, record in flights for check in judged.checks(run, record)]))
+
+# %%
+run, record = flights[0]
+error = without_phase(record.wrench_tool) - without_phase(record.true_wrench)
+plt.plot(chirp_frequency(run, record.time), abs(error[:, [0, 2]]), lw=0.8)
+plt.xlabel("frequency (Hz)")
+plt.ylabel("force error along x and z (N)")
+show("chirp")

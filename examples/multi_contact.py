@@ -1,0 +1,59 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
+# %% [markdown]
+# # Sliding with several contacts
+#
+# A plate with two ledges: one, two, then three contacts, and saw-tooth forces asked of the tool by
+# the set-point's wrench; the paper's figures 13 and 14. The estimate is compared with MuJoCo's own
+# contact force, dotted.
+#
+# Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
+
+# %%
+import os
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from tilthex.experiments import judge, spec
+from tilthex.experiments.flight import fly
+from tilthex.experiments.report import text_table
+
+
+def show(name: str) -> None:
+    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
+    if "TILTHEX_OUT" in os.environ:
+        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
+    plt.show()
+
+
+# %% [markdown]
+# The set-up is one TOML file; these are its parameters.
+
+# %%
+experiment = spec.load("multi-contact", short="--full" not in sys.argv)
+print(experiment.text)
+
+# %% [markdown]
+# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+
+# %%
+flights = [(run, fly(run)) for run in experiment.runs]
+judged = judge.of(experiment.kind)
+print(text_table([check for run, record in flights for check in judged.checks(run, record)]))
+
+# %%
+run, record = flights[0]
+for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
+    plt.plot(record.time, record.true_wrench[:, k], ":", color=colour)
+    plt.plot(record.time, record.wrench_tool[:, k], color=colour, lw=0.8, label="xyz"[k])
+plt.xlabel("time (s)")
+plt.ylabel("tool force (N)")
+plt.legend()
+show("multi_contact")

@@ -1,0 +1,62 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
+# %% [markdown]
+# # Peg in hole
+#
+# The tool descends as if the funnel stood upright, is turned by the contact, slides down the tube,
+# and comes out again; the paper's figure 12. Nothing in the chain knows the tilt. See
+# docs/experiments.md for why it works.
+#
+# Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
+
+# %%
+import os
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from tilthex.experiments import judge, spec
+from tilthex.experiments.flight import fly
+from tilthex.experiments.peg_in_hole import axis_angle, insertion
+from tilthex.experiments.report import text_table
+
+
+def show(name: str) -> None:
+    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
+    if "TILTHEX_OUT" in os.environ:
+        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
+    plt.show()
+
+
+# %% [markdown]
+# The set-up is one TOML file; these are its parameters.
+
+# %%
+experiment = spec.load("peg-in-hole", short="--full" not in sys.argv)
+print(experiment.text)
+
+# %% [markdown]
+# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+
+# %%
+flights = [(run, fly(run)) for run in experiment.runs]
+judged = judge.of(experiment.kind)
+print(text_table([check for run, record in flights for check in judged.checks(run, record)]))
+
+# %%
+run, record = flights[0]
+tip = run.scene().along(record.tool_position)
+figure, (above, below) = plt.subplots(2, sharex=True)
+above.plot(record.time, 1e3 * (run.judge["tip_radius"] - tip[:, 2]))
+above.set_ylabel("depth in the tube (mm)")
+below.plot(record.time, axis_angle(run, record))
+below.set_ylabel("angle to the hole (deg)")
+below.set_xlabel("time (s)")
+show("peg_in_hole")
+print(insertion(run, record))

@@ -1,0 +1,62 @@
+# ---
+# jupyter:
+#   jupytext:
+#     text_representation:
+#       extension: .py
+#       format_name: percent
+# ---
+
+# %% [markdown]
+# # Sliding on a tilted board
+#
+# The desired path runs through the board and on behind it; the reference stays on the surface. How
+# far the tool slides sideways down the slope follows from the stiffness alone; the paper's figures 8
+# and 10.
+#
+# Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
+
+# %%
+import os
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+from tilthex.experiments import judge, spec
+from tilthex.experiments.flight import fly
+from tilthex.experiments.report import text_table
+from tilthex.experiments.sliding import closed_form
+
+
+def show(name: str) -> None:
+    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
+    if "TILTHEX_OUT" in os.environ:
+        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
+    plt.show()
+
+
+# %% [markdown]
+# The set-up is one TOML file; these are its parameters.
+
+# %%
+experiment = spec.load("sliding", short="--full" not in sys.argv)
+print(experiment.text)
+
+# %% [markdown]
+# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+
+# %%
+flights = [(run, fly(run)) for run in experiment.runs]
+judged = judge.of(experiment.kind)
+print(text_table([check for run, record in flights for check in judged.checks(run, record)]))
+
+# %%
+run, record = flights[0]
+deviation = record.reference_position - record.setpoint_position
+expected, normal_force = closed_form(run, record.setpoint_position[record.during("rest")][-1])
+plt.plot(record.time, 1e3 * deviation[:, 1], label="y")
+plt.axhline(1e3 * expected[1], ls=":", c="k", label="closed form, at rest")
+plt.xlabel("time (s)")
+plt.ylabel("reference - set-point (mm)")
+plt.legend()
+show("sliding")
+print(f"normal force at rest by the closed form: {normal_force:.2f} N")

@@ -1,0 +1,25 @@
+"""The notebooks run as scripts, from a folder of their own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
+
+EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+FLOWN = [path for path in EXAMPLES if "tilthex.experiments" in path.read_text(encoding="utf-8")]
+
+
+@pytest.mark.parametrize("path", FLOWN, ids=lambda path: path.stem)
+def test_the_notebook_runs(path: Path, tmp_path: Path) -> None:
+    environment = os.environ | {"MPLBACKEND": "Agg", "TILTHEX_OUT": str(tmp_path)}
+    call = [sys.executable, "-W", "error::DeprecationWarning:__main__", str(path)]
+    done = subprocess.run(call, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "FALLS SHORT" not in done.stdout
+    assert list(tmp_path.glob("*.png"))
