@@ -211,3 +211,28 @@ def run(ukf: NumpyUkf | FilterpyUkf, imu: tuple[Array, Array, Array], poses: dic
         if k in poses:
             ukf.update(*poses[k])
         yield k
+
+
+def recording(seed: int, samples: int = 600):
+    """Rough readings at 500 Hz and poses at 100 Hz of a motion that they make up."""
+    random = np.random.default_rng(seed)
+    t = 0.002 * np.arange(samples)
+    waves = random.uniform(-1, 1, (6, 3)), random.uniform(1, 12, (6, 3)), random.uniform(0, 6, (6, 3))
+    wave = np.sum(waves[0] * np.sin(waves[1] * t[:, None, None] + waves[2]), axis=2)
+    gyro = wave[:, :3] + 0.01 * random.standard_normal((samples, 3))
+    rotation = np.empty((samples, 3, 3))
+    rotation[0] = Rotation.random(random_state=seed).as_matrix()
+    position, velocity = np.zeros((samples, 3)), np.zeros((samples, 3))
+    acceleration = 3 * wave[:, 3:]
+    for k in range(1, samples):
+        rotation[k] = rotation[k - 1] @ exp(0.5 * (gyro[k - 1] + gyro[k]) * 0.002)
+        a = 0.5 * (acceleration[k - 1] + acceleration[k])
+        velocity[k] = velocity[k - 1] + 0.002 * a
+        position[k] = position[k - 1] + 0.002 * (velocity[k - 1] + 0.001 * a)
+    force = np.einsum("kji,kj->ki", rotation, acceleration + GRAVITY)
+    gyro += random.uniform(-0.01, 0.01, 3) + 0.005 * random.standard_normal((samples, 3))
+    force += random.uniform(-0.1, 0.1, 3) + 0.15 * random.standard_normal((samples, 3))
+    taken = np.arange(0, samples, 5)
+    measured = position[taken] + 0.3e-3 * random.standard_normal((len(taken), 3))
+    turned = exp(2e-3 * random.standard_normal((len(taken), 3))) @ rotation[taken]
+    return t, gyro, force, taken, measured, turned, position

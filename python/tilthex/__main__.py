@@ -7,10 +7,11 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, fit, plot
+from tilthex import __version__, estimate, fit, plot
 from tilthex.experiments import cli as experiments
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
+    estimate.add_parser,
     experiments.add_parser,
     fit.add_parser,
     plot.add_parser,

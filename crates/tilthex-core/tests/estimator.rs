@@ -257,6 +257,21 @@ fn a_lasting_contradiction_is_taken_up() {
     assert_eq!(estimator.health().status, Status::Tracking);
 }
 
+/// The first poses after half a second of loss are outliers: refused, not taken for a new beginning.
+#[test]
+fn loss_does_not_make_outliers_credible() {
+    let recording = recording(9, 4.0);
+    let mut poses: Vec<_> =
+        recording.poses.iter().filter(|p| !(2.0..2.5).contains(&p.time)).copied().collect();
+    let outliers = poses.iter_mut().filter(|p| (2.5..2.545).contains(&p.time));
+    let count = outliers.map(|p| p.position_w.x += 0.8).count();
+    let mut estimator = Estimator::new(params()).unwrap();
+    let found = errors(&mut estimator, &recording, &poses);
+    assert!(found.iter().all(|e| e.0 < 0.05), "{found:?}");
+    let counts = estimator.health().counts;
+    assert_eq!((counts.rejected + counts.position_only) as usize, count, "{counts:?}");
+}
+
 /// All poses of a quarter of a second at once: the output goes on meanwhile, and is right after it.
 #[test]
 fn a_burst_is_caught_up_with() {

@@ -1,6 +1,7 @@
 //! `tilthex.Config`.
 
 use crate::{convert, vehicle::Vehicle};
+use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
@@ -49,6 +50,23 @@ impl Config {
     #[getter]
     fn vehicle(&self) -> Vehicle {
         Vehicle { section: self.checked.vehicle.clone() }
+    }
+
+    /// The constant latency that is taken off every pose's time, s.
+    #[getter]
+    fn pose_latency(&self) -> f64 {
+        self.checked.estimator.latency
+    }
+
+    /// Where the captured body sits on the robot: position, m, (3,), and rotation, (3, 3).
+    #[getter]
+    fn captured_body<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+        let params = self.checked.estimator_params().map_err(convert::config_error)?;
+        let rotation = convert::array2(py, &params.body_rotation_rc)?;
+        Ok((convert::array1(py, params.body_position_r.as_slice()), rotation))
     }
 
     /// One sentence for each pair of blocks whose poles are too close.

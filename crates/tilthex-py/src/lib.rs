@@ -7,6 +7,7 @@ mod config;
 mod controller;
 mod convert;
 mod plant;
+mod recording;
 mod setpoint;
 mod simulate;
 mod so3;
@@ -36,6 +37,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<setpoint::Reference>()?;
     module.add_class::<setpoint::Setpoint>()?;
     module.add_class::<trajectory::Trajectory>()?;
+    module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
     module.add_class::<ukf::Ukf>()?;
     module.add_class::<ukf::UkfRun>()?;
     module.add_class::<vehicle::Vehicle>()?;

@@ -165,7 +165,7 @@ struct Checkpoint {
     time: f64,
     next_sample: u64,
     applied: f64,
-    accepted: f64,
+    doubted: f64,
 }
 
 /// Past states of the filter, oldest first.
@@ -180,7 +180,7 @@ impl Checkpoints {
     /// None yet, spaced so that they cover `history` seconds.
     pub(super) fn new(history: f64) -> Self {
         let none =
-            Checkpoint { state: PackedState::EMPTY, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0 };
+            Checkpoint { state: PackedState::EMPTY, time: 0.0, next_sample: 0, applied: 0.0, doubted: 0.0 };
         Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
     }
 
@@ -207,7 +207,7 @@ impl Checkpoints {
                 time: head.time,
                 next_sample: head.next_sample,
                 applied: head.applied,
-                accepted: head.accepted,
+                doubted: head.doubted,
             };
             self.len += 1;
         }
@@ -228,7 +228,7 @@ impl Checkpoints {
             time: found.time,
             next_sample: found.next_sample,
             applied: found.applied,
-            accepted: found.accepted,
+            doubted: found.doubted,
         };
         self.len = before;
         true

@@ -75,8 +75,8 @@ struct Head {
     next_sample: u64,
     /// Time of the last pose that was considered.
     applied: f64,
-    /// Time of the last pose that passed.
-    accepted: f64,
+    /// Time of the first pose refused since one passed; infinite where none was.
+    doubted: f64,
 }
 
 /// The estimator: parameters and state, of fixed size.
@@ -123,7 +123,7 @@ impl Estimator {
             filter: Ukf::new(params.process)?,
             gap_filter: Ukf::new(GAP_NOISE)?,
             model_filter: Ukf::new(MODEL_NOISE)?,
-            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0 },
+            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, doubted: f64::INFINITY },
             initialized: false,
             current: Navigation::ORIGIN,
             stale: false,
@@ -214,7 +214,7 @@ impl Estimator {
             time,
             next_sample: self.samples.first_after(time),
             applied: time,
-            accepted: time,
+            doubted: f64::INFINITY,
         };
         self.initialized = true;
         self.poses.clear();
@@ -436,7 +436,7 @@ impl Estimator {
         let nis = whole.squared(6);
         if nis <= derived.gate_pose {
             head.state.apply(&whole);
-            (head.accepted, self.stale) = (pose.time, true);
+            (head.doubted, self.stale) = (f64::INFINITY, true);
             return report(pose.time, Outcome::Accepted, nis, Some(&whole));
         }
         // Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
@@ -448,13 +448,14 @@ impl Estimator {
         let outcome = match alone {
             Some(alone) if alone.squared(3) <= derived.gate_position => {
                 head.state.apply(&alone);
-                (head.accepted, self.stale) = (pose.time, true);
+                (head.doubted, self.stale) = (f64::INFINITY, true);
                 Outcome::PositionOnly
             }
             _ => {
-                if pose.time - head.accepted > self.params.reacquire_after {
+                head.doubted = head.doubted.min(pose.time);
+                if pose.time - head.doubted > self.params.reacquire_after {
                     head.state.restart(&measured.position_w, &measured.rotation_wi, &REACQUIRED);
-                    (head.accepted, self.stale) = (pose.time, true);
+                    (head.doubted, self.stale) = (f64::INFINITY, true);
                     Outcome::Accepted
                 } else {
                     Outcome::Rejected

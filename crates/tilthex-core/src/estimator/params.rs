@@ -31,6 +31,7 @@ pub struct EstimatorParams {
     /// Time over which late poses are still applied, s.
     pub history: f64,
     /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
+    /// Negative where it is the IMU whose stamps are late.
     pub latency: f64,
     /// Uninterrupted rejection after which a pose is believed against the state, s.
     pub reacquire_after: f64,
@@ -98,7 +99,7 @@ impl EstimatorParams {
         check_range("rotation_noise", self.rotation_noise, 1e-4, 1.0)?;
         check_range("gate_probability", self.gate_probability, 0.5, 1.0 - 1e-12)?;
         check_range("history", self.history, 0.02, 1.0)?;
-        check_range("latency", self.latency, 0.0, 0.5 * self.history)?;
+        check_range("latency", self.latency, -0.05, 0.5 * self.history)?;
         check_range("reacquire_after", self.reacquire_after, 0.0, 60.0)?;
         check_range("coast_after", self.coast_after, 0.0, 60.0)?;
         check_range("lost_position", self.lost_position, 1e-3, 1e3)?;

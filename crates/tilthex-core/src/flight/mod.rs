@@ -6,6 +6,7 @@
 //! result to the bit.
 
 mod guidance;
+mod imu_reader;
 mod io;
 mod record;
 mod rotors;
@@ -13,9 +14,10 @@ mod session;
 mod watch;
 
 pub use guidance::GuidanceParams;
+pub use imu_reader::ImuReader;
 pub use io::{Command, HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, Route, TickInput, TickOutput};
 pub use record::{LinkCounters, RawInput, Record};
-pub use session::SessionParams;
+pub use session::{Inertial, SessionParams};
 pub use watch::WatchParams;
 
 use crate::{

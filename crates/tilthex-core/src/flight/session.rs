@@ -51,13 +51,13 @@ const PATIENCE: u8 = 4;
 
 /// An inertial sample in IMU coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Inertial {
+pub struct Inertial {
     /// When it was taken, s, on the host's clock.
-    pub(super) time: f64,
+    pub time: f64,
     /// Angular velocity, rad/s.
-    pub(super) gyro_i: Vector3,
+    pub gyro_i: Vector3,
     /// Specific force, m/s^2.
-    pub(super) specific_force_i: Vector3,
+    pub specific_force_i: Vector3,
 }
 
 /// The newest that is known of one motor.

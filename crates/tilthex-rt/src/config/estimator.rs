@@ -36,8 +36,9 @@ section! {
         /// Time over which late poses are applied, s.
         history: f64 = 0.3,
         /// Constant latency taken off every pose's time, s; for capture systems that stamp on arrival.
+        /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0,
-        /// Uninterrupted rejection after which the covariance grows until poses pass again, s.
+        /// Uninterrupted rejection after which a pose is believed against the state, s.
         reacquire_after: f64 = 0.3,
         /// Age of the newest accepted pose from which on the state counts as coasting, s.
         coast_after: f64 = 0.1,

@@ -1,0 +1,134 @@
+"""The estimator on a real recording: errors at the poses that it was not given, and filterpy beside it.
+
+    python -m benchmarks.broad
+
+The recording (BROAD, Laidig et al. 2021) has a raw hand-held IMU at 285.7 Hz and OptiTrack poses. It is
+looked for in ../shared/data/broad, or in the folder `broad` of $TILTHEX_DATA.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import tilthex
+from numpy.typing import NDArray
+from tilthex.estimate import Calibration, calibrate, pose_errors
+from tilthex.recording import Recording, rotations_from_quaternions
+
+from benchmarks.ukf import compare
+
+Array = NDArray[np.float64]
+NAME = "10_undisturbed_slow_translation_A.mat"
+# Noises of this IMU (its datasheet's, twice) and of this capture.
+KEYS = {
+    "gyro_noise": 2e-4,
+    "accelerometer_noise": 4e-3,
+    "gyro_bias_walk": 2e-5,
+    "accelerometer_bias_walk": 5e-4,
+    "position_noise": 3e-4,
+    "rotation_noise_deg": 0.1,
+    "initial_velocity": 0.5,
+}
+
+
+def path() -> Path:
+    """Where the recording is, whether it exists or not."""
+    root = os.environ.get("TILTHEX_DATA")
+    folder = Path(root) if root else Path(__file__).parents[1] / ".." / "shared" / "data"
+    return folder / "broad" / NAME
+
+
+def load() -> Recording:
+    """The whole recording; poses with hidden markers are left out."""
+    from scipy.io import loadmat
+
+    raw = loadmat(path())
+    at = np.arange(len(raw["imu_gyr"])) / float(raw["sampling_rate"].item())
+    seen = np.isfinite(raw["opt_quat"]).all(axis=1) & np.isfinite(raw["opt_pos"]).all(axis=1)
+    rotation = rotations_from_quaternions(raw["opt_quat"][:, [1, 2, 3, 0]])
+    return Recording(
+        at, raw["imu_gyr"], raw["imu_acc"], at[seen], raw["opt_pos"][seen], rotation[seen], at[seen]
+    )
+
+
+def config() -> tilthex.Config:
+    """A robot that is nothing but this IMU."""
+    default = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    mounting = {"imu_position": [0, 0, 0], "imu_rotation_deg": [0, 0, 0]}
+    return default.replace(vehicle=mounting, estimator=KEYS)
+
+
+def found_offset(recording: Recording) -> Calibration:
+    """The place of the markers and the latency, from a minute of motion."""
+    begin, end = 60.0, 120.0
+    inside = (recording.imu_time >= begin) & (recording.imu_time < end)
+    part = Recording(
+        recording.imu_time[inside],
+        recording.gyro[inside],
+        recording.specific_force[inside],
+        recording.pose_time,
+        recording.position,
+        recording.rotation,
+        recording.pose_arrival_time,
+    ).select((recording.pose_time >= begin) & (recording.pose_time < end))
+    part = part.select(np.arange(len(part.pose_time)) % 3 == 0)
+    return calibrate(part, config())
+
+
+def with_gaps(recording: Recording, every: float, length: float) -> Array:
+    """Which poses lie outside gaps of `length` seconds that begin every `every` seconds."""
+    return (recording.pose_time % every >= length) | (recording.pose_time < every)
+
+
+def errors(recording: Recording) -> None:
+    """Prints the calibration, then a table of errors at withheld poses."""
+    offset = found_offset(recording)
+    print(f"{offset}\n")
+    known = offset.config(config())
+    number = np.arange(len(recording.pose_time))
+    print("| poses fed | withheld | position rms, 95 %, max (mm) | rotation rms, 95 %, max (deg) | NIS |")
+    print("|---|---|---|---|---|")
+    for name, fed in [
+        ("95 Hz", number % 3 == 0),
+        ("20 Hz", number % 14 == 0),
+        ("95 Hz, gaps of 1 s every 10 s", (number % 3 == 0) & with_gaps(recording, 10.0, 1.0)),
+        ("20 Hz, gaps of 1 s every 10 s", (number % 14 == 0) & with_gaps(recording, 10.0, 1.0)),
+    ]:
+        run = recording.select(fed).estimate(tilthex.Ukf(known))
+        found = pose_errors(recording.select(~fed), run, known)
+        columns = [
+            f"{np.sqrt(np.mean(v**2)):.3f}, {np.percentile(v, 95):.3f}, {v.max():.2f}"
+            for v in (1e3 * found.position, np.degrees(found.rotation))
+        ]
+        print(f"| {name} | {(~fed).sum()} | {columns[0]} | {columns[1]} | {np.nanmean(run.nis):.2f} |")
+
+
+def beside(recording: Recording, seconds: float = 20.0) -> None:
+    """The filters beside each other on some seconds of it."""
+    inside = (recording.imu_time >= 60.0) & (recording.imu_time < 60.0 + seconds)
+    imu = (recording.imu_time[inside], recording.gyro[inside], recording.specific_force[inside])
+    poses = recording.select((recording.pose_time >= imu[0][0]) & (recording.pose_time <= imu[0][-1]))
+    fed = np.arange(len(poses.pose_time)) % 3 == 0
+    given, held = poses.select(fed), poses.select(~fed)
+    compare(
+        config(),
+        (imu, np.searchsorted(imu[0], given.pose_time), given.position, given.rotation),
+        (np.searchsorted(imu[0], held.pose_time), held.position),
+    )
+
+
+def main() -> None:
+    """Everything, or a message where the recording is not there."""
+    if not path().exists():
+        print(f"{path()} is not there: the recording's figures are skipped (set TILTHEX_DATA)")
+        return
+    recording = load()
+    errors(recording)
+    print()
+    beside(recording)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,274 @@
+"""`tilthex estimate` runs the estimator over a recording; `tilthex calibrate` finds the body's offset."""
+
+from __future__ import annotations
+
+import argparse
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import _core
+from tilthex.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Distances between measured and estimated poses of the captured body: m and rad, (m,)."""
+
+    position: Array
+    rotation: Array
+
+    def __str__(self) -> str:
+        """Root mean square, 95th percentile and largest, in mm and degrees."""
+
+        def text(values: Array, unit: str) -> str:
+            rms = np.sqrt(np.mean(values**2))
+            return f"{rms:.3f} rms, {np.percentile(values, 95):.3f} 95 %, {values.max():.3f} max {unit}"
+
+        return f"{text(1e3 * self.position, 'mm')}; {text(np.degrees(self.rotation), 'deg')}"
+
+
+def pose_errors(recording: Recording, run: _core.UkfRun, config: _core.Config) -> PoseErrors:
+    """Compares a run's states, between samples linearly, with all poses of a recording.
+
+    Poses before the start, after the end, or not finite are left out.
+    """
+    from scipy.spatial.transform import Rotation
+
+    started = np.isfinite(run.position[:, 0])
+    time = recording.imu_time[started]
+    taken = recording.pose_time - config.pose_latency
+    inside = (taken >= time[0]) & (taken <= time[-1])
+    inside &= np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
+    at = taken[inside]
+    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    part = (at - time[k]) / (time[k + 1] - time[k])
+    position, rotation = run.position[started], Rotation.from_matrix(run.rotation[started])
+    turned = rotation[k] * Rotation.from_rotvec(
+        part[:, None] * (rotation[k].inv() * rotation[k + 1]).as_rotvec()
+    )
+    placed = position[k] + part[:, None] * (position[k + 1] - position[k])
+    offset, turn = config.captured_body
+    captured = Rotation.from_matrix(recording.rotation[inside])
+    return PoseErrors(
+        np.linalg.norm(placed + turned.apply(offset) - recording.position[inside], axis=1),
+        ((turned * Rotation.from_matrix(turn)).inv() * captured).magnitude(),
+    )
+
+
+def plot_innovations(recording: Recording, run: _core.UkfRun, path: Path) -> None:
+    """Writes a figure of the innovations with three predicted standard deviations, and their NIS."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(9, 8), layout="constrained")
+    time = recording.pose_time - recording.imu_time[0]
+    for row, (first, scale, name) in enumerate([(0, 1e3, "position, mm"), (3, 1e3, "rotation, mrad")]):
+        for axis in range(3):
+            axes[row].plot(time, scale * run.innovation[:, first + axis], ".", ms=2, label="xyz"[axis])
+        bound = 3 * scale * run.innovation_deviation[:, first : first + 3].max(axis=1)
+        axes[row].plot(time, bound, "k-", lw=0.7)
+        axes[row].plot(time, -bound, "k-", lw=0.7, label="3 sigma")
+        axes[row].set_ylabel(f"innovation of the {name}")
+        axes[row].legend(loc="upper right", ncols=4)
+    axes[2].semilogy(time, run.nis, ".", ms=2)
+    axes[2].axhline(6.0, color="k", lw=0.7)
+    axes[2].set_ylabel("NIS (6 expected)")
+    axes[2].set_xlabel("time, s")
+    figure.savefig(path, dpi=130)
+    plt.close(figure)
+
+
+def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
+    """Writes a table of states, one row an inertial sample."""
+    columns = {
+        "position": run.position,
+        "velocity": run.velocity,
+        "rotation": run.rotation.reshape(-1, 9),
+        "gyro_bias": run.gyro_bias,
+        "accelerometer_bias": run.accelerometer_bias,
+    }
+    names = [f"{name}_{k}" for name, array in columns.items() for k in range(array.shape[1])]
+    table = np.column_stack([recording.imu_time, *columns.values()])
+    np.savetxt(path, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.9g")
+
+
+def summary(recording: Recording, run: _core.UkfRun) -> str:
+    """What a run has shown, in a few lines."""
+    applied = np.isfinite(run.nis)
+    innovation = run.innovation[applied]
+    outcomes = ", ".join(f"{count} {name}" for name, count in Counter(run.outcome).most_common())
+    latency = recording.pose_arrival_time - recording.pose_time
+    lines = [
+        f"{len(recording.imu_time)} inertial samples over {np.ptp(recording.imu_time):.2f} s",
+        f"{len(recording.pose_time)} poses: {outcomes}",
+        f"latency of the poses: {1e3 * latency.mean():.1f} ms mean, {1e3 * latency.max():.1f} ms largest",
+    ]
+    if applied.any():
+        position, rotation = (
+            np.sqrt(np.mean(np.sum(part**2, axis=1))) for part in (innovation[:, :3], innovation[:, 3:])
+        )
+        lines += [
+            f"innovations: {1e3 * position:.3f} mm and {np.degrees(rotation):.3f} deg rms",
+            f"NIS: {run.nis[applied].mean():.2f} mean, {np.median(run.nis[applied]):.2f} median "
+            "(6 and 5.35 expected)",
+            f"gyro bias, at the end: {np.array2string(run.gyro_bias[-1], precision=5)} rad/s",
+            f"accelerometer bias: {np.array2string(run.accelerometer_bias[-1], precision=4)} m/s^2",
+        ]
+    return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The captured body in the robot: position in m (3,), roll, pitch, yaw in degrees (3,), latency in s.
+
+    `deviation` holds the standard deviations of these seven, in the same units.
+    """
+
+    body_position: Array
+    body_rotation_deg: Array
+    latency: float
+    deviation: Array
+
+    def config(self, config: _core.Config) -> _core.Config:
+        """A configuration with this offset."""
+        keys = {
+            "body_position": self.body_position.tolist(),
+            "body_rotation_deg": self.body_rotation_deg.tolist(),
+            "latency": self.latency,
+        }
+        return config.replace(estimator=keys)
+
+    def __str__(self) -> str:
+        """As it stands in a configuration, with the deviations as comments."""
+        numbers, off = (
+            [", ".join(f"{value:.4g}" for value in part) for part in parts]
+            for parts in (
+                (self.body_position, self.body_rotation_deg),
+                (self.deviation[:3], self.deviation[3:6]),
+            )
+        )
+        return (
+            f"[estimator]\nbody_position = [{numbers[0]}]  # +- {off[0]} m\n"
+            f"body_rotation_deg = [{numbers[1]}]  # +- {off[1]} degrees\n"
+            f"latency = {self.latency:.4g}  # +- {self.deviation[6]:.4g} s"
+        )
+
+
+def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Calibration:
+    """Finds the captured body's pose in the robot and the poses' latency: those of the least innovations.
+
+    The rotation starts from the rates of both (Wahba's problem), so it may be any; the latency lies
+    between -50 and 100 ms. The flight must turn about at least two axes; what it leaves open shows in
+    the deviations.
+
+    Args:
+        recording: A flight of some ten seconds.
+        config: The set-up; its IMU mounting and noises count.
+        settle: Innovations of this first time do not count, s.
+    """
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    good = np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
+    recording = recording.select(np.flatnonzero(good))
+    config = config.replace(estimator={"gate_probability": 1 - 1e-12})
+    counts = recording.pose_time > recording.pose_time[0] + settle
+    start = _aligned_by_rate(recording, config)
+    # Parameters are about one, so that a relative step is an absolute one.
+    scale = np.r_[[0.05] * 3, [0.02] * 3, 0.005]
+
+    def offset(parameters: Array) -> Calibration:
+        x = scale * (parameters - 1)
+        yaw_pitch_roll = (start * Rotation.from_rotvec(x[3:6])).as_euler("ZYX", degrees=True)
+        return Calibration(x[:3], yaw_pitch_roll[::-1], float(x[6]), np.zeros(7))
+
+    def residuals(parameters: Array, base: _core.Config) -> Array:
+        run = recording.estimate(_core.Ukf(offset(parameters).config(base)))
+        whitened = (run.innovation / run.innovation_deviation)[counts]
+        flat: Array = np.nan_to_num(whitened, nan=10.0).ravel()
+        return flat
+
+    bounds = np.full(7, -np.inf), np.full(7, np.inf)
+    bounds[0][6], bounds[1][6] = 1 - 0.049 / 0.005, 1 + 0.1 / 0.005
+    # A filter that hardly trusts the poses leads near; the true one then decides.
+    coarse = config.replace(estimator={"position_noise": 0.05, "rotation_noise_deg": 5.0})
+    settings: dict[str, Any] = {"diff_step": 1e-3, "bounds": bounds, "max_nfev": 40}
+    near = least_squares(residuals, np.ones(7), args=(coarse,), **settings)
+    found = least_squares(residuals, near.x, args=(config,), loss="soft_l1", **settings)
+    spread = 2 * found.cost / max(len(found.fun) - 7, 1)
+    deviation = scale * np.sqrt(np.diag(np.linalg.pinv(found.jac.T @ found.jac)) * spread)
+    deviation[3:6] = np.degrees(deviation[3:6])
+    best = offset(found.x)
+    return Calibration(best.body_position, best.body_rotation_deg, best.latency, deviation)
+
+
+def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
+    """Rotation from the captured body to the robot that aligns its rate with the gyro's."""
+    from scipy.spatial.transform import Rotation
+
+    time = recording.pose_time
+    # Over some 50 ms, so that the capture's noise does not drown the rate.
+    step = max(1, round(0.05 / float(np.median(np.diff(time)))))
+    turned = Rotation.from_matrix(recording.rotation)
+    span = (time[step:] - time[:-step])[:, None]
+    captured = (turned[:-step].inv() * turned[step:]).as_rotvec() / span
+    integral = np.vstack(
+        [np.zeros(3), np.cumsum(np.diff(recording.imu_time)[:, None] * recording.gyro[1:], axis=0)]
+    )
+    angle = np.column_stack([np.interp(time, recording.imu_time, column) for column in integral.T])
+    gyro = (angle[step:] - angle[:-step]) / span
+    used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] < 0.2)
+    gyro_r = (gyro[used] - gyro[used].mean(axis=0)) @ config.vehicle.imu_rotation.T
+    found, _ = Rotation.align_vectors(gyro_r, captured[used] - captured[used].mean(axis=0))
+    return found
+
+
+def _estimate(arguments: argparse.Namespace) -> None:
+    config = _config(arguments)
+    recording = Recording.from_file(arguments.recording, config)
+    fed = recording
+    if arguments.every > 1:
+        fed = recording.select(np.arange(len(recording.pose_time)) % arguments.every == 0)
+    run = fed.estimate(_core.Ukf(config))
+    print(summary(fed, run))
+    if arguments.every > 1:
+        held = recording.select(np.arange(len(recording.pose_time)) % arguments.every != 0)
+        print(f"errors at the withheld poses: {pose_errors(held, run, config)}")
+    if arguments.plot:
+        plot_innovations(fed, run, arguments.plot)
+    if arguments.out:
+        write_states(fed, run, arguments.out)
+
+
+def _calibrate(arguments: argparse.Namespace) -> None:
+    config = _config(arguments)
+    print(calibrate(Recording.from_file(arguments.recording, config), config))
+
+
+def _config(arguments: argparse.Namespace) -> _core.Config:
+    if arguments.config:
+        return _core.Config.from_toml(arguments.config)
+    return _core.Config.default(_core.Vehicle.preset("tilt-hex"))
+
+
+def add_parser(commands: Any) -> None:
+    """Adds `estimate` and `calibrate` to the `tilthex` command."""
+    estimate = commands.add_parser("estimate", help="run the state estimator over a recording")
+    estimate.add_argument("--every", type=int, default=1, metavar="N", help="feed every N-th pose only")
+    estimate.add_argument("--plot", type=Path, metavar="FILE.png", help="write a figure of the innovations")
+    estimate.add_argument("--out", type=Path, metavar="FILE.csv", help="write the states")
+    estimate.set_defaults(run=_estimate)
+    calibration = commands.add_parser("calibrate", help="find the captured body's place on the robot")
+    calibration.set_defaults(run=_calibrate)
+    for parser in (estimate, calibration):
+        parser.add_argument("recording", type=Path, help="a log of tilthex-rt (.mcap) or a table (.csv)")
+        parser.add_argument("--config", type=Path, metavar="FILE.toml", help="the set-up (default: tilt-hex)")

@@ -1,0 +1,120 @@
+"""Recordings, `tilthex estimate` and `tilthex calibrate`."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+import tilthex
+from scipy.spatial.transform import Rotation
+from tilthex.__main__ import main
+from tilthex.estimate import calibrate, pose_errors
+from tilthex.recording import Recording
+from ukf_reference import recording as simulated
+
+
+@pytest.fixture
+def config():
+    default = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    return default.replace(vehicle={"imu_position": [0, 0, 0]}, estimator={"initial_velocity": 3.0})
+
+
+def recorded(samples=1500, offset=(0, 0, 0), turn=None, late=0.0):
+    """Poses of a body that sits at `offset`, turned, stamped `late` after they were taken."""
+    t, gyro, force, taken, measured, turned, _ = simulated(3, samples)
+    turn = np.eye(3) if turn is None else turn
+    stamp = t[taken] + late
+    return Recording(t, gyro, force, stamp, measured + turned @ np.asarray(offset), turned @ turn, stamp)
+
+
+def write_csv(path, recording, arrival=True):
+    names = ["time", "gyro_x", "gyro_y", "gyro_z", "force_x", "force_y", "force_z"]
+    names += ["position_x", "position_y", "position_z"]
+    names += [f"quaternion_{axis}" for axis in "xyzw"] + (["arrival"] if arrival else [])
+    lines = [",".join(names)]
+    for k, t in enumerate(recording.imu_time):
+        numbers = [t, *recording.gyro[k], *recording.specific_force[k]]
+        lines.append(",".join(f"{x!r}" for x in map(float, numbers)) + "," * (len(names) - 7))
+    quaternions = Rotation.from_matrix(recording.rotation).as_quat()
+    for k, t in enumerate(recording.pose_time):
+        numbers = [*recording.position[k], *quaternions[k]]
+        numbers += [recording.pose_arrival_time[k]] if arrival else []
+        lines.append(f"{float(t)!r}" + "," * 7 + ",".join(f"{x!r}" for x in map(float, numbers)))
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_a_table_gives_the_recording_again(tmp_path, config):
+    recording = recorded(300)
+    write_csv(tmp_path / "r.csv", recording)
+    back = Recording.from_file(tmp_path / "r.csv", config)
+    for name in ("imu_time", "gyro", "specific_force", "pose_time", "position", "pose_arrival_time"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(recording, name))
+    np.testing.assert_allclose(back.rotation, recording.rotation, atol=1e-14)
+
+
+def test_estimate_prints_plots_and_writes(tmp_path, config, capsys):
+    write_csv(tmp_path / "r.csv", recorded(), arrival=False)
+    (tmp_path / "c.toml").write_text(config.to_toml())
+    arguments = ["--config", tmp_path / "c.toml", "--plot", tmp_path / "p.png", "--out", tmp_path / "o.csv"]
+    arguments = ["estimate", tmp_path / "r.csv", "--every", 2, *arguments]
+    assert main([str(a) for a in arguments]) == 0
+    printed = capsys.readouterr().out
+    assert "1500 inertial samples over 3.00 s" in printed
+    assert "150 poses: 150 accepted" in printed
+    assert "errors at the withheld poses: " in printed
+    assert (tmp_path / "p.png").read_bytes().startswith(b"\x89PNG")
+    table = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True)
+    assert len(table) == 1500
+    assert len(table.dtype.names) == 22
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("time,gyro_x\n0,0\n", "no column 'gyro_y'"),
+        (None, "ends in '.txt'; expected a log"),
+    ],
+)
+def test_what_is_no_recording_is_one_sentence(tmp_path, capsys, text, message):
+    path = tmp_path / ("r.csv" if text else "r.txt")
+    path.write_text(text or "")
+    assert main(["estimate", str(path)]) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+
+
+def test_a_bad_number_is_named_with_its_line(tmp_path, capsys):
+    write_csv(tmp_path / "r.csv", recorded(10))
+    lines = (tmp_path / "r.csv").read_text().splitlines()
+    lines[4] = lines[4].replace(lines[4].split(",")[2], "fast")
+    (tmp_path / "r.csv").write_text("\n".join(lines))
+    assert main(["estimate", str(tmp_path / "r.csv")]) == 2
+    assert "line 5: could not convert string to float: 'fast'" in capsys.readouterr().err
+
+
+def test_calibration_finds_offset_turn_and_latency(config):
+    offset = np.array([0.06, -0.03, 0.11])
+    turn = Rotation.from_euler("ZYX", [70, -25, 160], degrees=True)
+    recording = recorded(4000, offset, turn.as_matrix(), late=0.012)
+    found = calibrate(recording, config)
+    np.testing.assert_allclose(found.body_position, offset, atol=1e-3)
+    body = Rotation.from_euler("ZYX", found.body_rotation_deg[::-1], degrees=True)
+    assert np.degrees((turn.inv() * body).magnitude()) < 0.1
+    assert abs(found.latency - 0.012) < 1e-3
+    assert np.all(found.deviation[:3] < 1e-3)
+    # With it, the poses are where the estimate has the body.
+    known = found.config(config)
+    errors = pose_errors(recording, recording.estimate(tilthex.Ukf(known)), known)
+    assert np.sqrt(np.mean(errors.position[50:] ** 2)) < 1e-3
+
+
+@pytest.mark.skipif(shutil.which("tilthex-rt") is None, reason="tilthex-rt is not installed")
+def test_estimates_from_a_log(tmp_path, capsys):
+    log = tmp_path / "flight.mcap"
+    flight = ["tilthex-rt", "--sim", "--duration", "6", "--log", str(log)]
+    subprocess.run(flight, check=True, capture_output=True, timeout=120)
+    assert main(["estimate", str(log), "--plot", str(tmp_path / "p.png")]) == 0
+    printed = capsys.readouterr().out
+    assert "inertial samples over" in printed
+    assert "accepted" in printed
