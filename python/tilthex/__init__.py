@@ -29,6 +29,7 @@ from tilthex._core import (
     WrenchObserver,
     __version__,
 )
+from tilthex.client import Flight, OrderRefused, connect
 from tilthex.simulation import Run, simulate
 
 __all__ = [
@@ -38,7 +39,9 @@ __all__ = [
     "Allocator",
     "Config",
     "Controller",
+    "Flight",
     "Loop",
+    "OrderRefused",
     "Output",
     "Plant",
     "PoseCommand",
@@ -52,6 +55,7 @@ __all__ = [
     "Vehicle",
     "WrenchObserver",
     "__version__",
+    "connect",
     "simulate",
     "so3",
 ]

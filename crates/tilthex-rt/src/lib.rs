@@ -8,6 +8,7 @@ pub mod app;
 pub mod campaign;
 pub mod config;
 pub mod control_loop;
+pub mod control_socket;
 pub mod failure;
 pub mod histogram;
 pub mod log;

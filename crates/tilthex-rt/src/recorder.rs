@@ -88,6 +88,8 @@ pub struct Latest {
     pub statistics: Statistics,
     /// Ticks that did not fit into the ring.
     pub dropped: u64,
+    /// Number of rotors of the vehicle.
+    pub rotor_count: usize,
     /// Why the log can no longer be written.
     pub error: Option<String>,
 }
@@ -176,6 +178,7 @@ impl Recorder {
         let (truth_feed, truths) = RingBuffer::new(TRUTH_RING);
         let (sender, notes) = mpsc::channel();
         let shared = Arc::new(Shared::default());
+        lock(&shared.latest).rotor_count = params.rotor_count;
         let worker = Worker {
             black_box: BlackBox::new(epoch, params.rotor_count, params.attachments.clone()),
             params,

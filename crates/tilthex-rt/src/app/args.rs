@@ -7,6 +7,7 @@ use clap::{Parser, Subcommand};
 use crate::{
     Failure,
     config::{Config, VehicleSection},
+    control_socket::DEFAULT_ADDRESS,
     realtime::Demand,
 };
 
@@ -55,6 +56,14 @@ pub struct Args {
     /// With --sim: what pushes the tool, and when
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
+
+    /// Take orders there from `tilthex.connect()`
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
+    pub control: Option<String>,
+
+    /// Do not take off before an order to
+    #[arg(long, requires = "control")]
+    pub wait: bool,
 
     /// What to do where the machine refuses real-time rights
     #[arg(long, value_enum, default_value = "prefer", global = true)]

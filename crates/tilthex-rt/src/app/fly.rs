@@ -14,9 +14,10 @@ use crate::{
     Failure,
     config::Config,
     control_loop::{ControlLoop, End, LoopParams},
+    control_socket::{ControlSocket, Dispatcher},
     log::Attachments,
     mocap::{Client, ClientParams, LineParams, MocapUri},
-    orders,
+    orders::{self, Orders},
     port::Port,
     realtime,
     recorder::{Recorder, RecorderParams, TruthFeed},
@@ -38,7 +39,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     for warning in config.warnings() {
         eprintln!("tilthex-rt: warning: {warning}");
     }
-    let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.flight_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
@@ -50,7 +51,17 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let flight = Flight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let land = signals::flag()?;
     let (recorder, feed, truths) = Recorder::start(recorder_params(&config, trajectory, params.take_off))?;
-    let (_commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
+    let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
+    let orders = Orders::new(config.mission.limits(), params.controller.admittance);
+    let control = match &args.control {
+        Some(address) => {
+            Some(ControlSocket::start(address, Dispatcher::new(orders, commands_in, recorder.observer()))?)
+        }
+        None => None,
+    };
+    if let Some(control) = &control {
+        println!("control socket at {}", control.address());
+    }
     let up_axis = config.mocap.up_axis().map_err(|e| Failure::usage(e.to_string()))?;
     let (simulated, uri) = if args.sim {
         let (capture, uri) =
@@ -89,7 +100,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
             period,
             duration: args.duration,
             land_after_route: args.trajectory.is_some(),
-            patience: Some(PATIENCE),
+            patience: (!args.wait).then_some(PATIENCE),
         },
     };
     let running = start(control_loop, args.realtime)?;
@@ -98,7 +109,8 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let slept = reference.map(Reference::stop);
     let simulated = simulated.map(Server::stop);
     let recorded = recorder.finish();
-    report::print(&config, &recorded, slept, simulated.as_ref());
+    let refused_orders = control.map_or(0, |control| control.refused());
+    report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
     report::outcome(end, &name, &land, &recorded)
 }
 

@@ -14,7 +14,13 @@ use crate::{
 };
 
 /// Prints the figures of a flight.
-pub(super) fn print(config: &Config, recorded: &Recorded, slept: Option<Slept>, simulated: Option<&Report>) {
+pub(super) fn print(
+    config: &Config,
+    recorded: &Recorded,
+    slept: Option<Slept>,
+    simulated: Option<&Report>,
+    refused_orders: u64,
+) {
     let s = &recorded.latest.statistics;
     println!(
         "ticks               {} at {} Hz, {} with an inertial sample",
@@ -56,6 +62,9 @@ pub(super) fn print(config: &Config, recorded: &Recorded, slept: Option<Slept>, 
             1e3 * expected,
             1e3 * (found - expected)
         );
+    }
+    if refused_orders > 0 {
+        println!("control socket      {refused_orders} requests refused");
     }
     if recorded.latest.dropped > 0 {
         println!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);

@@ -1,0 +1,264 @@
+"""Orders to a running `tilthex-rt --control`, and its state.
+
+    with tilthex.connect() as flight:
+        flight.take_off()
+        for state in flight.states(rate=20):
+            if state["phase"] == "flying":
+                break
+        flight.set_admittance(stiffness=[6, 6, 6, 10, 10, 5])
+        flight.go_to([0.2, 0.0, 0.7])
+        flight.land()
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections import deque
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+DEFAULT_PORT = 7410
+
+State = dict[str, Any]
+
+
+class OrderRefused(ValueError):
+    """The flight does not take an order; the text says why."""
+
+
+def connect(host: str = "127.0.0.1", port: int = DEFAULT_PORT, timeout: float = 2.0) -> Flight:
+    """Connects to a running flight.
+
+    Args:
+        host: where `tilthex-rt --control` runs.
+        port: of its control socket.
+        timeout: for every answer, s.
+
+    Raises:
+        ConnectionError: nobody listens there.
+    """
+    try:
+        return Flight(socket.create_connection((host, port), timeout))
+    except OSError as error:
+        raise ConnectionError(
+            f"no flight takes orders at {host}:{port} ({error}); start tilthex-rt with --control"
+        ) from error
+
+
+class Flight:
+    """A connection to a running flight; `tilthex.connect` makes one."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket = connection
+        self._lines = connection.makefile("r", encoding="utf-8", newline="\n")
+        self._states: deque[State] = deque(maxlen=1000)
+        self._id = 0
+
+    def __enter__(self) -> Flight:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Ends the connection; the flight goes on."""
+        self._lines.close()
+        self._socket.close()
+
+    def take_off(self) -> None:
+        """Starts the motors and takes off, as soon as everything is ready."""
+        self._order("take_off")
+
+    def go_to(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike | None = None,
+        *,
+        duration: float = 0.0,
+        velocity: float | None = None,
+        angular_velocity: float | None = None,
+    ) -> None:
+        """Flies the tool to a pose and stays there.
+
+        Args:
+            position: of the tool tip, (3,), m, world.
+            rotation: of the tool, (3, 3), maps tool coordinates to the world's; that of its set-point if None.
+            duration: shortest time of the way, s; the limits may make it longer.
+            velocity: largest on the way, m/s; the configured one if None.
+            angular_velocity: largest on the way, rad/s; the configured one if None.
+        """
+        if rotation is None:
+            rotation = self.state()["setpoint"]["rotation"]
+        limits = {"velocity": velocity, "angular_velocity": angular_velocity}
+        way = {
+            "position": _array(position, (3,), "position"),
+            "rotation": _array(rotation, (3, 3), "rotation"),
+            "duration": duration,
+        }
+        self.play([way], **{name: value for name, value in limits.items() if value is not None})
+
+    def play(self, waypoints: Sequence[dict[str, Any]], **limits: float) -> None:
+        """Flies through way-points.
+
+        Args:
+            waypoints: each a dict of `position` (3,) and, as needed, `rotation` (3, 3) (or `quaternion_xyzw`, or
+                `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the tool shall exert, `duration` and `hold`, s.
+            limits: `velocity`, `acceleration`, `angular_velocity`, `angular_acceleration`, SI.
+        """
+        self._order("play", waypoint=[_plain(way) for way in waypoints], limits=limits)
+
+    def follow(
+        self,
+        position: ArrayLike,
+        rotation: ArrayLike,
+        *,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        force: ArrayLike = (0.0, 0.0, 0.0),
+        torque: ArrayLike = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Streams one set-point of the tool (world); the next must come within 0.2 s."""
+        self._order(
+            "follow",
+            position=_array(position, (3,), "position"),
+            rotation=_array(rotation, (3, 3), "rotation"),
+            velocity=_array(velocity, (3,), "velocity"),
+            angular_velocity=_array(angular_velocity, (3,), "angular_velocity"),
+            wrench={"force": _array(force, (3,), "force"), "torque": _array(torque, (3,), "torque")},
+        )
+
+    def set_admittance(
+        self,
+        mass: ArrayLike | None = None,
+        damping: ArrayLike | None = None,
+        stiffness: ArrayLike | None = None,
+        *,
+        max_translation: float | None = None,
+        max_rotation: float | None = None,
+    ) -> None:
+        """Changes admittance parameters between two ticks; the reference does not jump.
+
+        Args:
+            mass: M_E, six numbers of its diagonal or (6, 6); unchanged if None. Likewise the others.
+            damping: D_E.
+            stiffness: K_E.
+            max_translation: farthest the reference yields, m.
+            max_rotation: farthest it turns, rad.
+        """
+        matrices = {"mass": mass, "damping": damping, "stiffness": stiffness}
+        given: dict[str, Any] = {
+            name: np.asarray(value, float).tolist() for name, value in matrices.items() if value is not None
+        }
+        limits = {"max_translation": max_translation, "max_rotation": max_rotation}
+        given |= {name: value for name, value in limits.items() if value is not None}
+        self._order("set_admittance", **given)
+
+    def set_wrench(self, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+        """Sets the wrench the tool shall exert on the environment (world, at the tool), N and N m."""
+        self._order(
+            "set_wrench", force=_array(force, (3,), "force"), torque=_array(torque, (3,), "torque")
+        )
+
+    def release_wrench(self) -> None:
+        """Takes the trajectory's wrench again."""
+        self._order("release_wrench")
+
+    def zero_bias(self) -> None:
+        """Learns the wrench observer's bias anew; the tool must be free."""
+        self._order("zero_bias")
+
+    def land(self) -> None:
+        """Lands; `tilthex-rt` then ends."""
+        self._order("land")
+
+    def kill(self) -> None:
+        """Stops the motors at once, wherever the vehicle is. It falls."""
+        self._order("kill")
+
+    def state(self) -> State:
+        """The newest state: a dict of numbers, texts and arrays, named as in the log.
+
+        Raises:
+            OrderRefused: the loop has not run a tick yet.
+        """
+        state = self._order("state")["state"]
+        if state is None:
+            raise OrderRefused("the loop has not run a tick yet")
+        return _arrays(state)
+
+    def states(self, rate: float = 50.0) -> Iterator[State]:
+        """States as they come, `rate` times a second (at most 100), until the flight or the loop over them ends.
+
+        Orders may be given in between.
+        """
+        self._order("stream", rate=rate)
+        try:
+            while True:
+                while self._states:
+                    yield self._states.popleft()
+                message = self._read()
+                if message is None:
+                    return
+                if message.get("state") is not None:
+                    yield _arrays(message["state"])
+        finally:
+            # The flight may have ended already.
+            try:
+                self._order("stream", rate=0)
+                self._states.clear()
+            except OSError:
+                pass
+
+    def _order(self, command: str, **arguments: Any) -> dict[str, Any]:
+        self._id += 1
+        line = json.dumps({"id": self._id, "command": command, **arguments}, allow_nan=False)
+        self._socket.sendall(line.encode() + b"\n")
+        while True:
+            message = self._read()
+            if message is None:
+                raise ConnectionError("the flight has ended")
+            if message.get("id") == self._id:
+                break
+            if message.get("state") is not None:
+                self._states.append(_arrays(message["state"]))
+        if "error" in message:
+            raise OrderRefused(message["error"])
+        return message
+
+    def _read(self) -> dict[str, Any] | None:
+        try:
+            line = self._lines.readline()
+        except ConnectionResetError:
+            return None
+        message: dict[str, Any] | None = json.loads(line) if line else None
+        return message
+
+
+def _array(value: ArrayLike, shape: tuple[int, ...], name: str) -> list[Any]:
+    array = np.asarray(value, float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{name} has shape {array.shape}; expected finite numbers of shape {shape}")
+    plain: list[Any] = array.tolist()
+    return plain
+
+
+def _plain(way: dict[str, Any]) -> dict[str, Any]:
+    return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in way.items()}
+
+
+def _arrays(state: dict[str, Any]) -> State:
+    """Lists of numbers become arrays, at any depth."""
+    out: State = {}
+    for name, value in state.items():
+        if isinstance(value, dict):
+            out[name] = _arrays(value)
+        elif isinstance(value, list) and name != "faults":
+            out[name] = np.array(value, float)
+        else:
+            out[name] = value
+    return out

@@ -1,0 +1,257 @@
+"""The real programs through a real pseudo-terminal: exit status, one-sentence errors, signals, log, control socket."""
+
+import contextlib
+import os
+import re
+import resource
+import shutil
+import signal
+import subprocess
+import sysconfig
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tilthex
+
+PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
+
+
+def program(name):
+    found = shutil.which(name, path=sysconfig.get_path("scripts")) or shutil.which(name)
+    if found is None:
+        pytest.skip(f"{name} is not installed")
+    return found
+
+
+def run(*arguments, name="tilthex-rt", **options):
+    return subprocess.run(
+        [program(name), *map(str, arguments)], capture_output=True, text=True, timeout=120, **options
+    )
+
+
+@contextlib.contextmanager
+def started(*arguments, name="tilthex-rt", **options):
+    process = subprocess.Popen(
+        [program(name), *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+@contextlib.contextmanager
+def vehicle(*arguments):
+    """A simulated vehicle; its pseudo-terminal."""
+    with started(*arguments, name="tilthex-sim") as process:
+        yield process, process.stdout.readline().strip()
+
+
+def control_port(process):
+    for line in process.stdout:
+        if match := re.match(r"control socket at .*:(\d+)", line):
+            return int(match[1])
+    raise AssertionError("no control socket")
+
+
+def wait_for(flight, done):
+    for state in flight.states(rate=20):
+        if done(state):
+            return state
+    raise AssertionError("the flight ended first")
+
+
+def sentence(result, status):
+    """The one line of an error."""
+    assert result.returncode == status, result
+    lines = [line for line in result.stderr.splitlines() if "warning" not in line]
+    assert len(lines) == 1, result.stderr
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "says"),
+    [
+        ([], 2, "--port"),
+        (["--port", "/dev/no-such-port"], 3, "does not exist"),
+        (["--port", "/dev/null"], 3, "no serial port"),
+        (["--port", "FT0815"], 3, 'serial number "FT0815"'),
+        (["--sim", "--config", "no.toml"], 2, "no.toml"),
+        (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
+        (["--sim", "--pushes", "no.toml"], 2, "no.toml"),
+        (["--sim", "--log", "/dev/full"], 2, "No space left on device"),
+        (["--sim", "--duration", "-1"], 2, "--duration"),
+        (["--sim", "--control", "0.0.0.0:0"], 2, "every network"),
+        (["replay", "/dev/null"], 2, "MCAP"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):
+    assert says in sentence(run(*arguments), status)
+
+
+def test_a_bad_key_names_the_nearest_one(tmp_path):
+    config = tmp_path / "config.toml"
+    config.write_text('[vehicle]\npreset = "tilt-hex"\n[admittance]\nstifness = [6, 6, 6, 10, 10, 5]\n')
+    assert "`stiffness`" in sentence(run("--sim", "--config", config), 2)
+
+
+def test_the_printed_configuration_is_a_configuration(tmp_path):
+    config = tmp_path / "config.toml"
+    config.write_text(run("--print-config").stdout)
+    assert run("--print-config", "--config", config).stdout == config.read_text()
+
+
+def test_a_port_that_answers_something_else(tmp_path):
+    master, slave = os.openpty()
+    os.set_blocking(master, False)
+    with started("--port", os.ttyname(slave), "--baud", "0") as process:
+        while process.poll() is None:
+            with contextlib.suppress(BlockingIOError):
+                if b"?" in os.read(master, 1000):
+                    os.write(master, b"^?toaster7$")
+            time.sleep(0.01)
+        error = process.stderr.read()
+    assert process.returncode == 3
+    assert "toaster7" in error and "chimera" in error
+
+
+def test_no_answer_and_no_pose():
+    master, slave = os.openpty()
+    assert "no vehicle identified itself" in sentence(run("--port", os.ttyname(slave), "--baud", "0"), 3)
+    os.close(master)
+
+
+def test_a_signal_before_the_start_ends_at_once_and_one_in_flight_lands(tmp_path):
+    with started("--sim", "--control", "127.0.0.1:0", "--wait") as process:
+        control_port(process)
+        time.sleep(1.0)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 130
+        assert "had not started" in process.stderr.read()
+    with started("--sim", "--control", "127.0.0.1:0") as process:
+        with tilthex.connect(port=control_port(process)) as flight:
+            wait_for(flight, lambda state: state["phase"] == "flying")
+            process.send_signal(signal.SIGHUP)
+            wait_for(flight, lambda state: state["phase"] == "landing")
+        output, error = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "landed" in error
+    assert "ticks" in output
+
+
+def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
+    log = tmp_path / "flight.mcap"
+    with started("--sim", "--control", "127.0.0.1:0", "--wait", "--log", log) as process:
+        with tilthex.connect(port=control_port(process)) as flight:
+            with pytest.raises(tilthex.OrderRefused, match="stiffness"):
+                flight.set_admittance(stiffness=[-1, 6, 6, 10, 10, 5])
+            with pytest.raises(ValueError, match="position"):
+                flight.go_to([0.0, np.nan, 1.0], np.eye(3))
+            flight._socket.sendall(b"garbage\n")
+            flight.set_admittance(stiffness=[8, 8, 8, 10, 10, 5])
+            flight.take_off()
+            start = wait_for(flight, lambda state: state["compliant"])
+            target = start["setpoint"]["position"] + [0.1, 0.05, 0.05]
+            flight.go_to(target)
+            reached = wait_for(
+                flight, lambda state: np.linalg.norm(state["setpoint"]["position"] - target) < 1e-6
+            )
+            assert reached["refused"] >= 2
+            assert not reached["faults"]
+            flight.land()
+            output, error = process.communicate(timeout=60)
+    assert process.returncode == 0, error
+    replayed = run("replay", log)
+    assert replayed.returncode == 0, replayed
+    assert "bit for bit" in replayed.stdout
+
+
+def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_path):
+    log = tmp_path / "flight.mcap"
+    with vehicle("--mocap", "natnet://127.0.0.1:17410/TILTHEX") as (simulated, port):
+        arguments = ["--port", port, "--baud", "0", "--mocap", "natnet://127.0.0.1:17410/TILTHEX"]
+        with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
+            with tilthex.connect(port=control_port(process)) as flight:
+                wait_for(flight, lambda state: state["phase"] == "flying")
+            process.send_signal(signal.SIGKILL)
+            assert process.wait(20) == -signal.SIGKILL
+        # Its watchdog holds the lowest speed and tells who listens.
+        line = os.open(port, os.O_RDWR | os.O_NOCTTY)
+        heard = b""
+        while b"without set-points" not in heard:
+            heard += os.read(line, 4096)
+        os.close(line)
+        assert simulated.poll() is None
+    replayed = run("replay", log)
+    assert replayed.returncode == 0, replayed
+    assert int(replayed.stdout.split()[0]) > 1000
+
+
+def test_a_pulled_port_in_flight_is_the_links_fault(tmp_path):
+    log = tmp_path / "flight.mcap"
+    with vehicle("--mocap", "vrpn://127.0.0.1:17411/TILTHEX") as (simulated, port):
+        arguments = ["--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17411/TILTHEX"]
+        with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
+            with tilthex.connect(port=control_port(process)) as flight:
+                wait_for(flight, lambda state: state["phase"] == "flying")
+            simulated.send_signal(signal.SIGKILL)
+            output, error = process.communicate(timeout=30)
+    assert process.returncode == 3
+    assert "went away in flight" in error
+    assert (tmp_path / "flight.fault.mcap").exists(), output
+
+
+def test_a_disk_that_fills_up_does_not_end_the_flight(tmp_path):
+    def small_disk():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+
+    log = tmp_path / "flight.mcap"
+    result = run("--sim", "--duration", "1", "--log", log, preexec_fn=small_disk)
+    assert result.returncode == 0, result.stderr
+    assert "breaks off" in result.stdout
+
+
+def test_the_log_reads_with_common_tools(tmp_path):
+    """A pushed flight, read by PyPI's `mcap` and its protobuf support: every channel has a schema."""
+    mcap = pytest.importorskip("mcap.reader")
+    decoder = pytest.importorskip("mcap_protobuf.decoder")
+    pushes, log = tmp_path / "pushes.toml", tmp_path / "flight.mcap"
+    pushes.write_text(PUSHES)
+    result = run("--sim", "--duration", "9", "--pushes", pushes, "--log", log)
+    assert result.returncode == 0, result.stderr
+    with log.open("rb") as file:
+        reader = mcap.make_reader(file, decoder_factories=[decoder.DecoderFactory()])
+        summary = reader.get_summary()
+        assert all(summary.schemas[c.schema_id].encoding == "protobuf" for c in summary.channels.values())
+        topics = {c.topic: summary.statistics.channel_message_counts.get(c.id, 0) for c in summary.channels.values()}
+        [attachment] = reader.iter_attachments()
+        assert attachment.name == "config.toml"
+        tilthex.Config.from_toml(_write(tmp_path / "attached.toml", attachment.data))
+        forces, truths = [], []
+        for _, channel, message, decoded in reader.iter_decoded_messages(["/wrench", "/truth"]):
+            assert message.log_time >= message.publish_time > 0
+            if channel.topic == "/wrench":
+                forces.append(decoded.tool_w.force.x)
+            else:
+                truths.append(decoded.tool_wrench_w.force.x)
+    ticks = int(re.search(r"ticks +(\d+)", result.stdout)[1])
+    for topic in ["/state", "/setpoint", "/reference", "/wrench", "/rotors", "/timing", "/link", "/flight", "/input", "/output"]:
+        assert topics[topic] == ticks, topic
+    assert topics["/log"] > 5 and topics["/tf"] > 100 and topics["/truth"] > 500
+    assert max(truths) == 1.4
+    assert abs(np.median(np.array(forces)[-500:]) - 1.4) < 0.2 or max(forces) > 1.0
+
+
+def _write(path: Path, data: bytes):
+    path.write_bytes(data)
+    return path
