@@ -89,7 +89,7 @@ def sentence(result, status):
         (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
         (["--sim", "--pushes", "no.toml"], 2, "no.toml"),
         (["--sim", "--log", "/dev/full"], 2, "No space left on device"),
-        (["--sim", "--duration", "-1"], 2, "--duration"),
+        (["--sim", "--duration", "nan"], 2, "--duration"),
         (["--sim", "--control", "0.0.0.0:0"], 2, "every network"),
         (["replay", "/dev/null"], 2, "MCAP"),
     ],
@@ -233,7 +233,9 @@ def test_the_log_reads_with_common_tools(tmp_path):
         reader = mcap.make_reader(file, decoder_factories=[decoder.DecoderFactory()])
         summary = reader.get_summary()
         assert all(summary.schemas[c.schema_id].encoding == "protobuf" for c in summary.channels.values())
-        topics = {c.topic: summary.statistics.channel_message_counts.get(c.id, 0) for c in summary.channels.values()}
+        topics = {
+            c.topic: summary.statistics.channel_message_counts.get(c.id, 0) for c in summary.channels.values()
+        }
         [attachment] = reader.iter_attachments()
         assert attachment.name == "config.toml"
         tilthex.Config.from_toml(_write(tmp_path / "attached.toml", attachment.data))
@@ -245,7 +247,18 @@ def test_the_log_reads_with_common_tools(tmp_path):
             else:
                 truths.append(decoded.tool_wrench_w.force.x)
     ticks = int(re.search(r"ticks +(\d+)", result.stdout)[1])
-    for topic in ["/state", "/setpoint", "/reference", "/wrench", "/rotors", "/timing", "/link", "/flight", "/input", "/output"]:
+    for topic in [
+        "/state",
+        "/setpoint",
+        "/reference",
+        "/wrench",
+        "/rotors",
+        "/timing",
+        "/link",
+        "/flight",
+        "/input",
+        "/output",
+    ]:
         assert topics[topic] == ticks, topic
     assert topics["/log"] > 5 and topics["/tf"] > 100 and topics["/truth"] > 500
     assert max(truths) == 1.4

@@ -1,13 +1,13 @@
 """Orders to a running `tilthex-rt --control`, and its state.
 
-    with tilthex.connect() as flight:
-        flight.take_off()
-        for state in flight.states(rate=20):
-            if state["phase"] == "flying":
-                break
-        flight.set_admittance(stiffness=[6, 6, 6, 10, 10, 5])
-        flight.go_to([0.2, 0.0, 0.7])
-        flight.land()
+with tilthex.connect() as flight:
+    flight.take_off()
+    for state in flight.states(rate=20):
+        if state["phase"] == "flying":
+            break
+    flight.set_admittance(stiffness=[6, 6, 6, 10, 10, 5])
+    flight.go_to([0.2, 0.0, 0.7])
+    flight.land()
 """
 
 from __future__ import annotations
@@ -160,9 +160,7 @@ class Flight:
 
     def set_wrench(self, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Sets the wrench the tool shall exert on the environment (world, at the tool), N and N m."""
-        self._order(
-            "set_wrench", force=_array(force, (3,), "force"), torque=_array(torque, (3,), "torque")
-        )
+        self._order("set_wrench", force=_array(force, (3,), "force"), torque=_array(torque, (3,), "torque"))
 
     def release_wrench(self) -> None:
         """Takes the trajectory's wrench again."""

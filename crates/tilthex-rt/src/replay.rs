@@ -42,6 +42,9 @@ pub fn file(path: &Path) -> Result<Replay, Failure> {
 /// One sentence, where it is no log of a flight, or not a complete one.
 pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let attachments = log.attachments().map_err(|e| format!("is no MCAP file: {e}"))?;
+    if attachments.config.is_empty() {
+        return Err("is no MCAP log of a flight: no set-up is attached".into());
+    }
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| e.to_string())?;
     let params = config.flight_params(attachments.take_off).map_err(|e| e.to_string())?;
     let limits = config.mission.limits();

@@ -14,6 +14,7 @@ use clap::Parser;
 use crate::{
     Failure,
     config::{Config, VehicleSection},
+    failure,
     mocap::{LineParams, MocapUri},
     signals,
     sim::{CAPTURE_EVERY, Capture, Pushes, Server, Simulation, SimulationParams},
@@ -61,7 +62,7 @@ pub struct Args {
 /// # Errors
 /// One sentence.
 pub fn run() -> Result<(), Failure> {
-    let args = Args::parse();
+    let args: Args = failure::arguments()?;
     let stop = signals::flag()?;
     let config = match &args.config {
         Some(path) => Config::from_file(path),

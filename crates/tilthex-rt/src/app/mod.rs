@@ -7,9 +7,7 @@ mod status;
 
 pub use args::Args;
 
-use clap::Parser;
-
-use crate::{Failure, campaign, replay};
+use crate::{Failure, campaign, failure, replay};
 use args::Action;
 
 /// Failures of a campaign that are shown one by one.
@@ -20,7 +18,7 @@ const SHOWN_FAILURES: usize = 40;
 /// # Errors
 /// How it ended, where that is not success.
 pub fn run() -> Result<(), Failure> {
-    let args = Args::parse();
+    let args: Args = failure::arguments()?;
     match &args.action {
         None if args.print_config => {
             print!("{}", args.config()?.to_toml());
