@@ -1,4 +1,4 @@
-"""The real programs through a real pseudo-terminal: exit status, one-sentence errors, signals, log, control socket."""
+"""The real programs through a real pseudo-terminal: exit status, errors, signals, log, orders."""
 
 import contextlib
 import os
@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 import tilthex
 
 PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
@@ -150,25 +149,27 @@ def test_a_signal_before_the_start_ends_at_once_and_one_in_flight_lands(tmp_path
 
 def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
     log = tmp_path / "flight.mcap"
-    with started("--sim", "--control", "127.0.0.1:0", "--wait", "--log", log) as process:
-        with tilthex.connect(port=control_port(process)) as flight:
-            with pytest.raises(tilthex.OrderRefused, match="stiffness"):
-                flight.set_admittance(stiffness=[-1, 6, 6, 10, 10, 5])
-            with pytest.raises(ValueError, match="position"):
-                flight.go_to([0.0, np.nan, 1.0], np.eye(3))
-            flight._socket.sendall(b"garbage\n")
-            flight.set_admittance(stiffness=[8, 8, 8, 10, 10, 5])
-            flight.take_off()
-            start = wait_for(flight, lambda state: state["compliant"])
-            target = start["setpoint"]["position"] + [0.1, 0.05, 0.05]
-            flight.go_to(target)
-            reached = wait_for(
-                flight, lambda state: np.linalg.norm(state["setpoint"]["position"] - target) < 1e-6
-            )
-            assert reached["refused"] >= 2
-            assert not reached["faults"]
-            flight.land()
-            output, error = process.communicate(timeout=60)
+    with (
+        started("--sim", "--control", "127.0.0.1:0", "--wait", "--log", log) as process,
+        tilthex.connect(port=control_port(process)) as flight,
+    ):
+        with pytest.raises(tilthex.OrderRefused, match="stiffness"):
+            flight.set_admittance(stiffness=[-1, 6, 6, 10, 10, 5])
+        with pytest.raises(ValueError, match="position"):
+            flight.go_to([0.0, np.nan, 1.0], np.eye(3))
+        flight._socket.sendall(b"garbage\n")
+        flight.set_admittance(stiffness=[8, 8, 8, 10, 10, 5])
+        flight.take_off()
+        start = wait_for(flight, lambda state: state["compliant"])
+        target = start["setpoint"]["position"] + [0.1, 0.05, 0.05]
+        flight.go_to(target)
+        reached = wait_for(
+            flight, lambda state: np.linalg.norm(state["setpoint"]["position"] - target) < 1e-6
+        )
+        assert reached["refused"] >= 2
+        assert not reached["faults"]
+        flight.land()
+        _, error = process.communicate(timeout=60)
     assert process.returncode == 0, error
     replayed = run("replay", log)
     assert replayed.returncode == 0, replayed

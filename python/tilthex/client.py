@@ -87,7 +87,7 @@ class Flight:
 
         Args:
             position: of the tool tip, (3,), m, world.
-            rotation: of the tool, (3, 3), maps tool coordinates to the world's; that of its set-point if None.
+            rotation: of the tool, (3, 3), maps tool to world coordinates; that of its set-point if None.
             duration: shortest time of the way, s; the limits may make it longer.
             velocity: largest on the way, m/s; the configured one if None.
             angular_velocity: largest on the way, rad/s; the configured one if None.
@@ -106,8 +106,9 @@ class Flight:
         """Flies through way-points.
 
         Args:
-            waypoints: each a dict of `position` (3,) and, as needed, `rotation` (3, 3) (or `quaternion_xyzw`, or
-                `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the tool shall exert, `duration` and `hold`, s.
+            waypoints: each a dict of `position` (3,) and, as needed, `rotation` (3, 3) (or
+                `quaternion_xyzw`, or `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the
+                tool shall exert, `duration` and `hold`, s.
             limits: `velocity`, `acceleration`, `angular_velocity`, `angular_acceleration`, SI.
         """
         self._order("play", waypoint=[_plain(way) for way in waypoints], limits=limits)
@@ -144,7 +145,7 @@ class Flight:
         """Changes admittance parameters between two ticks; the reference does not jump.
 
         Args:
-            mass: M_E, six numbers of its diagonal or (6, 6); unchanged if None. Likewise the others.
+            mass: M_E, six numbers of its diagonal or (6, 6); unchanged if None.
             damping: D_E.
             stiffness: K_E.
             max_translation: farthest the reference yields, m.
@@ -190,7 +191,7 @@ class Flight:
         return _arrays(state)
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
-        """States as they come, `rate` times a second (at most 100), until the flight or the loop over them ends.
+        """States as they come, `rate` times a second (at most 100), until the flight ends.
 
         Orders may be given in between.
         """
