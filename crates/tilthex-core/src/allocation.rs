@@ -331,11 +331,12 @@ impl Allocator {
     ) -> Allocation {
         let wrench = self.matrix * inputs;
         let error = wanted - wrench;
-        let shortfall = Priority::ORDER.map(|p| sqrt(p.rows().iter().map(|r| error[*r] * error[*r]).sum()));
+        let shortfall =
+            Priority::ORDER.map(|p| sqrt(p.rows().iter().filter_map(|r| error.get(*r)).map(|e| e * e).sum()));
         let given_up = self.params.order.into_iter().find(|p| shortfall[*p as usize] > self.tolerance);
         let (mut at_lower, mut at_upper) = (0, 0);
         if let Some((lower, upper)) = limits {
-            for i in 0..self.rotor_count {
+            for i in 0..self.rotor_count.min(MAX_ROTORS) {
                 at_lower |= u16::from(inputs[i] <= lower[i]) << i;
                 at_upper |= u16::from(inputs[i] >= upper[i]) << i;
             }

@@ -329,7 +329,7 @@ impl Sphere {
     /// The force of this size inside all planes that is nearest to the wanted one:
     /// on one plane's circle, or where two circles meet.
     fn nearest(&self) -> Option<Vector3> {
-        let planes = &self.planes[..self.count];
+        let planes = self.planes.get(..self.count).unwrap_or(&[]);
         let mut best: Option<Vector3> = None;
         let mut consider = |f: Vector3| {
             let slack = 1e-11 * self.size;
@@ -342,7 +342,7 @@ impl Sphere {
             if let Some(f) = self.on_circle(a) {
                 consider(f);
             }
-            for b in &planes[..i] {
+            for b in planes.iter().take(i) {
                 if let Some((f, g)) = self.meeting(a, b) {
                     consider(f);
                     consider(g);

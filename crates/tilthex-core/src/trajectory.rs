@@ -104,10 +104,14 @@ impl Trajectory {
         Self { start, legs: [blank; MAX_WAYPOINTS], count: 0 }
     }
 
+    fn legs(&self) -> &[Leg] {
+        self.legs.get(..self.count).unwrap_or(&[])
+    }
+
     /// Time of its end, the last hold included, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
-        match self.legs[..self.count].last() {
+        match self.legs().last() {
             Some(leg) => leg.begins + leg.duration + leg.to.hold,
             None => self.start.hold,
         }
@@ -121,8 +125,7 @@ impl Trajectory {
     /// The set-point at `time` seconds from its start; its ends are held.
     #[must_use]
     pub fn sample(&self, time: f64) -> Setpoint {
-        let legs = &self.legs[..self.count];
-        let Some(leg) = legs.iter().rev().find(|leg| time >= leg.begins) else {
+        let Some(leg) = self.legs().iter().rev().find(|leg| time >= leg.begins) else {
             return at_rest(&self.start);
         };
         let elapsed = time - leg.begins;

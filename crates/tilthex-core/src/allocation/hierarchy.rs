@@ -13,6 +13,9 @@
 //! gradients: the multipliers of their bounds come without a further solve.
 //! A bound with a non-zero multiplier at the end of a level can not be left
 //! without loss there, so it is fixed for all later levels.
+//!
+//! Indices that the optimiser can not bound are cut to their range: the proof
+//! that no step can panic needs it (`crates/tilthex-proof`).
 #![allow(clippy::needless_range_loop)] // an index runs along several vectors
 
 use libm::{fabs, sqrt};
@@ -198,8 +201,9 @@ impl<'a, const N: usize> Search<'a, N> {
         let mut reduced = [[0.0; N]; LEVEL_ROWS];
         let mut residual = [0.0; LEVEL_ROWS];
         for r in 0..rows {
-            reduced[r] = self.problem.rows[first + r];
-            residual[r] = self.problem.target[first + r] - dot(&reduced[r], &self.x);
+            let row = (first + r).min(ROWS - 1);
+            reduced[r] = self.problem.rows[row];
+            residual[r] = self.problem.target[row] - dot(&reduced[r], &self.x);
             self.basis.reduce(&mut reduced[r]);
         }
         // reduced = L Q over the free variables, rows taken by their size.
@@ -239,7 +243,7 @@ impl<'a, const N: usize> Search<'a, N> {
         let mut step = [0.0; N];
         for (j, y) in y.iter().enumerate().take(rank) {
             for i in 0..N {
-                step[i] += y * self.basis.masked[before + j][i];
+                step[i] += y * self.basis.masked[(before + j).min(ROWS - 1)][i];
             }
         }
         let mut norm = 0.0;
@@ -332,7 +336,7 @@ impl<'a, const N: usize> Search<'a, N> {
         self.basis.count = 0;
         let mut r = 0;
         while r < end {
-            let mut row = self.problem.rows[r];
+            let mut row = self.problem.rows[r.min(ROWS - 1)];
             self.basis.reduce(&mut row);
             let size = sqrt(self.basis.norm_squared(&row));
             r += 1;
@@ -363,7 +367,7 @@ impl<'a, const N: usize> Search<'a, N> {
 
     fn has_tied_row(&self, first: usize, end: usize) -> bool {
         (first..end).any(|r| {
-            let mut row = self.problem.rows[r];
+            let mut row = self.problem.rows[r.min(ROWS - 1)];
             self.basis.reduce(&mut row);
             self.basis.norm_squared(&row) <= ZERO * ZERO && self.tied(&row).is_some()
         })
@@ -407,12 +411,12 @@ impl<const N: usize> Basis<N> {
     }
 
     fn coefficient(&self, j: usize, v: &[f64; N]) -> f64 {
-        dot(&self.masked[j], v)
+        dot(&self.masked[j.min(ROWS - 1)], v)
     }
 
     fn subtract(&self, j: usize, coefficient: f64, v: &mut [f64; N]) {
         for i in 0..N {
-            v[i] -= coefficient * self.rows[j][i];
+            v[i] -= coefficient * self.rows[j.min(ROWS - 1)][i];
         }
     }
 
@@ -433,8 +437,10 @@ impl<const N: usize> Basis<N> {
     }
 
     fn push(&mut self, v: &[f64; N], norm: f64) {
-        let Some(row) = self.rows.get_mut(self.count) else { return };
-        let masked = &mut self.masked[self.count];
+        let (Some(row), Some(masked)) = (self.rows.get_mut(self.count), self.masked.get_mut(self.count))
+        else {
+            return;
+        };
         let inverse = 1.0 / norm;
         for i in 0..N {
             row[i] = v[i] * inverse;
@@ -466,9 +472,10 @@ fn forward_substitution(
     rank: usize,
 ) -> [f64; LEVEL_ROWS] {
     let mut y = [0.0; LEVEL_ROWS];
-    for j in 0..rank {
-        let row = &l[pick[j]];
-        let mut sum = r[pick[j]];
+    for j in 0..rank.min(LEVEL_ROWS) {
+        let taken = pick[j].min(LEVEL_ROWS - 1);
+        let row = &l[taken];
+        let mut sum = r[taken];
         for i in 0..j {
             sum -= row[i] * y[i];
         }
@@ -479,6 +486,7 @@ fn forward_substitution(
 
 /// The `y` of least `|L y - r|`, for `L` of full column rank.
 fn small_least_squares(l: &Small, r: &[f64; LEVEL_ROWS], rows: usize, rank: usize) -> [f64; LEVEL_ROWS] {
+    let (rows, rank) = (rows.min(LEVEL_ROWS), rank.min(LEVEL_ROWS));
     let mut q = *l;
     let mut upper: Small = [[0.0; LEVEL_ROWS]; LEVEL_ROWS];
     let mut rhs = *r;

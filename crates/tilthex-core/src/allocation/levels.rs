@@ -98,8 +98,10 @@ impl Levels {
         let preferred = preferred.map(head);
         let problem = Problem {
             rows: &self.rows.map(|row| core::array::from_fn(|i| row[i])),
-            level_ends: &self.ends[..self.count],
-            target: &core::array::from_fn(|i| wrench[self.order[i]] / self.wrench_scale[i]),
+            level_ends: self.ends.get(..self.count).unwrap_or(&[]),
+            target: &core::array::from_fn(|i| {
+                wrench.get(self.order[i]).unwrap_or(&0.0) / self.wrench_scale[i]
+            }),
             lower: &head(limits.0),
             upper: &head(limits.1),
             preferred: preferred.as_ref(),

@@ -128,7 +128,9 @@ impl PoseQueue {
     pub(super) fn insert(&mut self, entry: PoseEntry) -> Option<f64> {
         let pushed_out = (self.len >= POSES).then(|| self.entries[0].time);
         if pushed_out.is_some() {
-            self.entries.copy_within(1.., 0);
+            for i in 1..POSES {
+                self.entries[i - 1] = self.entries[i];
+            }
             self.len = POSES - 1;
         }
         let place = self.kept().iter().filter(|p| p.time < entry.time).count();
@@ -189,7 +191,9 @@ impl Checkpoints {
     }
 
     fn keep_from(&mut self, first: usize) {
-        self.entries.rotate_left(first % CHECKPOINTS);
+        for i in 0..CHECKPOINTS.saturating_sub(first) {
+            self.entries[i] = self.entries[(i + first).min(CHECKPOINTS - 1)];
+        }
         self.len = self.len.saturating_sub(first);
     }
 

@@ -344,7 +344,7 @@ impl Estimator {
     }
 
     fn measure_latency(&mut self, found: f64) {
-        let found = found.clamp(0.0, self.params.history);
+        let found = found.max(0.0).min(self.params.history);
         if !self.has_latency {
             (self.has_latency, self.latency) = (true, found);
         }

@@ -41,7 +41,7 @@ impl Route {
     /// The way-points.
     #[must_use]
     pub fn waypoints(&self) -> &[Waypoint] {
-        &self.waypoints[..self.count]
+        self.waypoints.get(..self.count).unwrap_or(&[])
     }
 
     /// The limits on the way.

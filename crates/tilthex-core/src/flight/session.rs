@@ -312,7 +312,7 @@ impl Session {
         let order = (self.next_motor..self.rotor_count).chain(0..self.next_motor);
         if let Some(index) = order.into_iter().find(waiting) {
             out.append(|b| HostMessage::Start(index as u8 + 1).encode(b));
-            self.next_motor = (index + 1) % self.rotor_count;
+            self.next_motor = if index + 1 < self.rotor_count { index + 1 } else { 0 };
             self.motor_asked = now;
         }
     }

@@ -101,6 +101,7 @@ impl Triangle {
 
     /// Multiplies row and column `i` by `scale` (the diagonal entry twice).
     pub(super) fn scale(&mut self, i: usize, scale: f64) {
+        let i = i.min(N - 1); // for the optimiser: it is
         for j in 0..i {
             self.0[j][i] *= scale;
         }

@@ -171,7 +171,8 @@ impl PackedState {
 
     pub(crate) fn pack(state: &UkfState) -> Self {
         let mut packed = Self { mean: state.mean, recoveries: state.recoveries, ..Self::EMPTY };
-        let entries = state.covariance.0.iter().enumerate().flat_map(|(j, column)| &column[j..N]);
+        let entries =
+            state.covariance.0.iter().enumerate().flat_map(|(j, column)| column.iter().take(N).skip(j));
         for (slot, entry) in packed.covariance.iter_mut().zip(entries) {
             *slot = *entry;
         }
@@ -180,7 +181,8 @@ impl PackedState {
 
     pub(crate) fn unpack(&self) -> UkfState {
         let mut covariance = Triangle::ZERO;
-        let entries = covariance.0.iter_mut().enumerate().flat_map(|(j, column)| &mut column[j..N]);
+        let entries =
+            covariance.0.iter_mut().enumerate().flat_map(|(j, column)| column.iter_mut().take(N).skip(j));
         for (entry, slot) in entries.zip(&self.covariance) {
             *entry = *slot;
         }
@@ -325,9 +327,12 @@ impl UkfState {
         let mut gains = [[0.0; LANES]; M];
         let (mut whitened, mut deviation) = ([0.0; M], [0.0; M]);
         let mut l = [[0.0; M]; M];
+        // Cut to their range: the optimiser can not follow a caller's rows to here.
         for (j, row) in rows.iter().enumerate() {
-            let mut column: Column = core::array::from_fn(|i| if i < N { p.get(i, *row) } else { 0.0 });
-            let mut s: [f64; M] = core::array::from_fn(|i| column[rows[i]] + noise[j.min(i)][j.max(i)]);
+            let mut column: Column =
+                core::array::from_fn(|i| if i < N { p.get(i, (*row).min(N - 1)) } else { 0.0 });
+            let mut s: [f64; M] =
+                core::array::from_fn(|i| column[rows[i].min(LANES - 1)] + noise[j.min(i)][j.max(i)]);
             let entry = s[j];
             deviation[j] = libm::sqrt(entry);
             let mut e = y[j];

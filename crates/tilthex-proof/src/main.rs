@@ -1,0 +1,120 @@
+//! Proof, at link time, that no step function of the core can panic.
+//!
+//! `#[no_panic]` makes a program that does not link where the optimiser finds
+//! a path from the function to a panic:
+//!
+//! `cargo build --profile proof -p tilthex-proof --features proof`
+
+use no_panic::no_panic;
+use std::hint::black_box;
+use tilthex_core::{
+    PoseSample, Reference, RobotState, Setpoint, Vector3, Vector6, Wrench,
+    admittance::{AdmittanceFilter, AdmittanceOutput, AdmittanceState},
+    allocation::{Allocation, Allocator, AllocatorState, RotorStatus},
+    controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
+    estimator::{Estimator, Outcome},
+    filters::{LowPass, LowPassState},
+    flight::{Flight, TickInput, TickOutput},
+    link::tk3::{HostMessage, Receiver, VehicleMessage},
+    plant::{Plant, PlantState},
+    pose_control::{PoseCommand, PoseController},
+    supervisor::{Facts, FaultSet, Phase, Supervisor},
+    trajectory::Trajectory,
+    types::RotorVector,
+    wrench_observer::{ObserverInput, WrenchObserver, WrenchObserverState},
+};
+
+#[no_panic]
+fn low_pass(b: &LowPass, s: &mut LowPassState, x: &Vector6, dt: f64) -> Vector6 {
+    b.step(s, x, dt)
+}
+
+#[no_panic]
+fn observe(b: &WrenchObserver, s: &mut WrenchObserverState, x: &ObserverInput, dt: f64) -> Wrench {
+    b.step(s, x, dt)
+}
+
+#[no_panic]
+fn yield_to(
+    b: &AdmittanceFilter,
+    s: &mut AdmittanceState,
+    x: &Setpoint,
+    w: &Wrench,
+    dt: f64,
+) -> AdmittanceOutput {
+    b.step(s, x, w, dt)
+}
+
+#[no_panic]
+fn track(b: &PoseController, x: &RobotState, r: &Reference) -> PoseCommand {
+    b.step(x, r)
+}
+
+#[no_panic]
+fn allocate(b: &Allocator, s: &mut AllocatorState, w: &Vector6, r: &RotorStatus) -> Allocation {
+    b.step(s, w, r)
+}
+
+#[no_panic]
+fn control(b: &Controller, s: &mut ControllerState, x: &ControllerInput, dt: f64) -> ControllerOutput {
+    b.step(s, x, dt)
+}
+
+#[no_panic]
+fn move_on(b: &Plant, s: &mut PlantState, command: &RotorVector, w: &Wrench, dt: f64) {
+    b.step(s, command, w, dt);
+}
+
+#[no_panic]
+fn sample(b: &Trajectory, time: f64) -> Setpoint {
+    b.sample(time)
+}
+
+#[no_panic]
+fn predict(b: &mut Estimator, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
+    b.predict(time, gyro_i, specific_force_i);
+}
+
+#[no_panic]
+fn update(b: &mut Estimator, pose: &PoseSample) -> Outcome {
+    b.update_pose(pose)
+}
+
+#[no_panic]
+fn supervise(b: &mut Supervisor, conditions: FaultSet, facts: &Facts, dt: f64) -> Phase {
+    b.step(conditions, facts, dt)
+}
+
+#[no_panic]
+fn receive(b: &mut Receiver<VehicleMessage>, byte: u8) -> Option<VehicleMessage> {
+    b.push(byte)
+}
+
+#[no_panic]
+fn encode(message: &HostMessage, out: &mut [u8]) -> usize {
+    message.encode(out)
+}
+
+#[no_panic]
+fn tick(b: &mut Flight, input: &TickInput<'_>, out: &mut TickOutput) {
+    b.tick(input, out);
+}
+
+/// Keeps every function in the program with inputs that the optimiser knows nothing of.
+fn main() {
+    black_box(low_pass as fn(_, _, _, _) -> _);
+    black_box(observe as fn(_, _, _, _) -> _);
+    black_box(yield_to as fn(_, _, _, _, _) -> _);
+    black_box(track as fn(_, _, _) -> _);
+    black_box(allocate as fn(_, _, _, _) -> _);
+    black_box(control as fn(_, _, _, _) -> _);
+    black_box(move_on as fn(_, _, _, _, _));
+    black_box(sample as fn(_, _) -> _);
+    black_box(predict as fn(_, _, _, _));
+    black_box(update as fn(_, _) -> _);
+    black_box(supervise as fn(_, _, _, _) -> _);
+    black_box(receive as fn(_, _) -> _);
+    black_box(encode as fn(_, _) -> _);
+    black_box(tick as fn(_, _, _));
+    println!("no step function can panic");
+}
