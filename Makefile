@@ -40,8 +40,13 @@ lint: install
 	mypy
 	cd tests && python -m mypy.stubtest --concise tilthex._core
 
-rust-test:
+rust-test: proof
 	cargo test --workspace --locked --quiet
+
+# Links only if no step function of the core has a path to a panic.
+.PHONY: proof
+proof:
+	cargo build --profile proof --locked --quiet -p tilthex-proof --features proof
 
 python-test: install
 	python -m pytest
