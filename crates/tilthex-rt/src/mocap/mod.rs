@@ -6,7 +6,6 @@
 mod client;
 mod counters;
 mod delivery;
-mod gravity;
 mod natnet_client;
 mod natnet_server;
 mod uri;
@@ -16,7 +15,6 @@ mod vrpn_server;
 pub use client::{Client, ClientParams};
 pub use counters::Status;
 pub use delivery::{LineParams, Publication};
-pub use gravity::axis_hint;
 pub use natnet_server::{NatNetServer, NatNetServerParams};
 pub use uri::{MocapUri, Protocol};
 pub use vrpn_server::{VrpnServer, VrpnServerParams};
