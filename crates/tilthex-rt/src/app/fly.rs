@@ -16,7 +16,7 @@ use crate::{
     control_loop::{ControlLoop, End, LoopParams},
     control_socket::{ControlSocket, Dispatcher},
     log::Attachments,
-    mocap::{Client, ClientParams, LineParams, MocapUri},
+    mocap::{Client, LineParams, MocapUri},
     orders::{self, Orders},
     port::Port,
     realtime,
@@ -62,10 +62,12 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     if let Some(control) = &control {
         println!("control socket at {}", control.address());
     }
-    let up_axis = config.mocap.up_axis().map_err(|e| Failure::usage(e.to_string()))?;
+    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
     let (simulated, uri) = if args.sim {
-        let (capture, uri) =
-            Capture::on_loopback(up_axis, LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() })?;
+        let (capture, uri) = Capture::on_loopback(
+            client.up_axis,
+            LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() },
+        )?;
         (Some(simulate(args, &config, capture, truths)?), Some(uri))
     } else {
         let uri = &config.mocap.uri;
@@ -83,7 +85,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let port = Port::open(&name, baud)?;
     let (_client, poses) = match uri {
         Some(uri) => {
-            let (client, poses) = Client::start(&uri, ClientParams { up_axis, latency: 0.0 })?;
+            let (client, poses) = Client::start(&uri, client)?;
             (Some(client), poses)
         }
         None => (None, RingBuffer::new(1).1),

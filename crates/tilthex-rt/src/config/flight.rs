@@ -1,7 +1,9 @@
 //! From a set-up to the parameters of a whole flight.
 
 use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, Section, SupervisorSection};
+use crate::mocap::ClientParams;
 use tilthex_core::{
+    error::check_range,
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, SessionParams, WatchParams},
     link::tk3::ImuScales,
@@ -62,6 +64,16 @@ impl LinkSection {
 }
 
 impl MocapSection {
+    /// How a client reads the system's poses.
+    ///
+    /// # Errors
+    /// Where the axis is neither "y" nor "z", or the latency not within 0 to 1 s.
+    pub fn client(&self) -> Result<ClientParams, ConfigError> {
+        check_range("[mocap]: latency (s)", self.latency, 0.0, 1.0)
+            .map_err(|e| ConfigError::new(e.to_string()))?;
+        Ok(ClientParams { up_axis: self.up_axis()?, latency: self.latency })
+    }
+
     /// The capture system's upward axis.
     ///
     /// # Errors

@@ -27,6 +27,8 @@ section! {
         uri: String = String::new(),
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),
+        /// Age of a pose when it leaves a system that does not tell it (VRPN, or cameras without exposure times), s.
+        latency: f64 = 0.0,
     }
 }
 
