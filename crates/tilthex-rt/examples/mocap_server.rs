@@ -24,6 +24,8 @@ use tilthex_rt::{
     sleeper::{Clock, Monotonic},
 };
 
+type Publish = Box<dyn FnMut(Publication) -> bool>;
+
 /// A pose on the circle, with a known rotation: 1 rad about the vertical.
 fn pose() -> Publication {
     let time = Monotonic.now();
@@ -36,12 +38,7 @@ fn pose() -> Publication {
     }
 }
 
-fn start(
-    protocol: &str,
-    version: &str,
-    port: u16,
-    body: &str,
-) -> io::Result<(SocketAddr, Box<dyn FnMut(Publication) -> bool>)> {
+fn start(protocol: &str, version: &str, port: u16, body: &str) -> io::Result<(SocketAddr, Publish)> {
     let address = SocketAddrV4::new(Ipv4Addr::LOCALHOST, port);
     if protocol == "vrpn" {
         let params = VrpnServerParams { address, ..VrpnServerParams::new(body) };
