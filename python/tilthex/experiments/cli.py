@@ -140,19 +140,22 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
 
     _only_peg(experiment)
     base = experiment.runs[0]
-    found = []
+    found: list[campaign.Attempt] = []
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    # Written after every case, so that a campaign that is interrupted leaves what it has.
+    table = arguments.out / f"{experiment.kind}-random.csv"
     with tqdm(total=arguments.random, unit="case", file=sys.stderr) as bar:
         exact = arguments.state == "exact"
         for one in campaign.fly_all(base, base.seed, arguments.random, exact=exact, jobs=arguments.jobs):
             found.append(one)
+            campaign.write_table(table, found)
             why = campaign.reason(one)
             if why:
                 tqdm.write(f"case {one.index}: tilt {one.tilt_deg:.1f} deg, {why}", file=sys.stderr)
             bar.update()
     found.sort(key=lambda one: one.index)
+    campaign.write_table(table, found)
     checks = campaign.checks(found, base)
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    campaign.write_table(arguments.out / f"{experiment.kind}-random.csv", found)
     page = report.write(
         arguments.out,
         f"{experiment.kind}-random",

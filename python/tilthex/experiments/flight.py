@@ -83,6 +83,7 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
         rows["tool_velocity"][k] = world.tool_velocity
         rows["angular_velocity"][k] = world.angular_velocity
         rows["true_wrench"][k], rows["largest_contact"][k], rows["contacts"][k] = world.true_wrench()
+        rows["peak_force"][k] = world.peak_force
         rows["rotor_speeds"][k] = world.rotor_speeds
         if progress is not None and k % 250 == 249:
             progress(250)

@@ -27,9 +27,9 @@ class Insertion:
     """When it first was at the bottom, s."""
     withdrawn: bool
     largest_force: float
-    """Largest norm of the sum of the contact forces over one period, N."""
+    """Largest norm of the sum of the contact forces in any step of 1 ms, N."""
     largest_contact: float
-    """Largest single contact force, N."""
+    """Largest single contact force in the last step of any period, N."""
     shaking: float
     """Largest rms angular rate over any two seconds with the tip in the tube, rad/s."""
     saturated: float
@@ -71,7 +71,7 @@ def insertion(run: Run, record: Record) -> Insertion:
         depth=float(deep.max()),
         inserted_at=float(record.time[at_bottom[0]]) if len(at_bottom) else None,
         withdrawn=not thrown and bool(depth[-1] < -0.012),
-        largest_force=float(np.linalg.norm(record.true_wrench[:, :3], axis=1).max()),
+        largest_force=float(record.peak_force.max()),
         largest_contact=float(record.largest_contact.max()),
         shaking=float(np.sqrt(max(mean.max(), 0.0))),
         saturated=float(record.saturated.mean()),

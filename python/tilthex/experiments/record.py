@@ -20,6 +20,7 @@ COLUMNS: dict[str, tuple[int, ...]] = {
     "robot_rotation": (3, 3),
     "angular_velocity": (3,),
     "true_wrench": (6,),
+    "peak_force": (),
     "largest_contact": (),
     "contacts": (),
     "rotor_speeds": (),

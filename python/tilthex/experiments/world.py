@@ -90,6 +90,8 @@ class World:
         self.rotor_speeds: Vector = vehicle.hover_speeds(self.rotation)
         self.push: Vector = np.zeros(3)
         """An external force at the tool's origin, N, W: the pull of a cable."""
+        self.peak_force = 0.0
+        """Largest norm of the sum of the contact forces in any step of the last period, N."""
         constant = vehicle.rotor_time_constant
         self._lag = 1.0 - math.exp(-TIMESTEP / constant) if constant > 0.0 else 1.0
         self._clamped = self.model.neq > 0
@@ -139,7 +141,7 @@ class World:
 
     def step(self, rotor_command: Vector) -> None:
         """Advances one control period under commanded rotor speeds, Hz."""
-        data, sums, before = self.data, np.zeros(3), self.data.qvel[:3].copy()
+        data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()
         for _ in range(round(PERIOD / TIMESTEP)):
             self.rotor_speeds += self._lag * (rotor_command - self.rotor_speeds)
             data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)
@@ -151,6 +153,9 @@ class World:
                 data.xfrc_applied[self._robot] = 0.0
             mujoco.mj_step(self.model, data)
             sums += data.sensordata[:3]
+            force = data.qfrc_constraint[:3]
+            peak = max(peak, force @ force)
+        self.peak_force = math.sqrt(peak)
         self._specific_force = sums * (TIMESTEP / PERIOD)
         acceleration = (data.qvel[:3] - before) / PERIOD
         acceleration[2] += GRAVITY
