@@ -7,6 +7,7 @@ mod client;
 mod counters;
 mod delivery;
 mod natnet_client;
+mod natnet_line;
 mod natnet_server;
 mod uri;
 mod vrpn_client;

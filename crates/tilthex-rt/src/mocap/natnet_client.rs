@@ -1,15 +1,10 @@
 //! A client of a NatNet server.
 
 use std::{
-    net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket},
+    net::SocketAddr,
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use rustix::{
-    event::{PollFd, PollFlags, poll},
-    time::Timespec,
-};
-use socket2::{Domain, Socket, Type};
 use tilthex_core::{
     clock_sync::{ClockEvent, ClockParams, ClockSync},
     echo_clock::EchoClock,
@@ -22,6 +17,7 @@ use tilthex_core::{
 use super::{
     client::{Sink, list},
     counters::add,
+    natnet_line::Line,
     now, seconds,
     uri::{MocapUri, Protocol},
 };
@@ -54,9 +50,7 @@ enum Found {
 pub(super) struct Session {
     uri: MocapUri,
     server: SocketAddr,
-    command: UdpSocket,
-    /// Where frames to the group come.
-    group: Option<UdpSocket>,
+    line: Line,
     buffer: Vec<u8>,
     version: Version,
     frequency: f64,
@@ -73,19 +67,12 @@ impl Session {
     /// Finds the server and the body, and waits for the body's first frame.
     pub(super) fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, Failure> {
         let system = |error: std::io::Error| Failure::usage(format!("no socket for {uri}: {error}"));
-        let any: IpAddr = match server {
-            SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
-            SocketAddr::V6(_) => std::net::Ipv6Addr::UNSPECIFIED.into(),
-        };
-        let command = UdpSocket::bind((any, 0)).map_err(system)?;
-        command.set_nonblocking(true).map_err(system)?;
         let passive = ClockSync::new(ClockParams { drift: DRIFT, ..ClockParams::default() })
             .map_err(|error| Failure::usage(error.to_string()))?;
         let mut session = Self {
             uri: uri.clone(),
             server,
-            command,
-            group: None,
+            line: Line::open(server).map_err(system)?,
             buffer: vec![0; 65_536],
             version: Version::V3_0,
             frequency: 1.0,
@@ -104,7 +91,7 @@ impl Session {
                     session.with(Protocol::NatNet)
                 ))
             })?;
-            session.group = Some(session.join(group).map_err(system)?);
+            session.line.join(group, session.data_port).map_err(system)?;
         }
         session.find_body()?;
         session.first_frame(multicast)?;
@@ -118,14 +105,14 @@ impl Session {
             let now = Monotonic.now();
             if now >= keep_alive {
                 keep_alive = now + KEEP_ALIVE;
-                self.say(|out| write_bare(out, MessageId::KeepAlive));
-                self.say(|out| write_echo_request(out, Monotonic.now()));
+                self.line.say(|out| write_bare(out, MessageId::KeepAlive));
+                self.line.say(|out| write_echo_request(out, Monotonic.now()));
             }
             if now.saturating_sub(frame) > SILENCE {
                 frame = now;
                 add(&self.sink.counters.silences, 1);
                 self.say_connect();
-                self.say(|out| write_bare(out, MessageId::RequestModelDef));
+                self.line.say(|out| write_bare(out, MessageId::RequestModelDef));
             }
             self.receive(keep_alive, |session, id, payload| match id {
                 MessageId::Frame => {
@@ -148,7 +135,7 @@ impl Session {
                 _ => None,
             });
         }
-        self.say(|out| write_bare(out, MessageId::Disconnect));
+        self.line.say(|out| write_bare(out, MessageId::Disconnect));
     }
 
     /// Asks who is there; the group that frames are sent to.
@@ -173,9 +160,9 @@ impl Session {
     /// Asks for the models; the body's id.
     fn find_body(&mut self) -> Result<(), Failure> {
         let ask = |session: &mut Self| {
-            session.say(|out| write_bare(out, MessageId::RequestModelDef));
+            session.line.say(|out| write_bare(out, MessageId::RequestModelDef));
             // Until the first frame is due, the clock is known.
-            session.say(|out| write_echo_request(out, Monotonic.now()));
+            session.line.say(|out| write_echo_request(out, Monotonic.now()));
         };
         let found = self.ask(ask, |session, id, payload| {
             (id == MessageId::ModelDef).then(|| session.take_models(payload)).flatten()
@@ -202,8 +189,8 @@ impl Session {
     fn first_frame(&mut self, multicast: Option<[u8; 4]>) -> Result<(), Failure> {
         let mut frames = 0;
         let ask = |session: &mut Self| {
-            session.say(|out| write_bare(out, MessageId::KeepAlive));
-            session.say(|out| write_echo_request(out, Monotonic.now()));
+            session.line.say(|out| write_bare(out, MessageId::KeepAlive));
+            session.line.say(|out| write_echo_request(out, Monotonic.now()));
         };
         let taken = self.ask(ask, |session, id, payload| {
             frames += u32::from(id == MessageId::Frame);
@@ -217,7 +204,7 @@ impl Session {
                      with rigid bodies streamed",
                     self.uri.body
                 ),
-                Some(_) if self.group.is_none() => format!(
+                Some(_) if !self.line.has_group() => format!(
                     "{server} sends its frames to a group, none came here: use {}",
                     self.with(Protocol::NatNetMulticast)
                 ),
@@ -231,33 +218,8 @@ impl Session {
         MocapUri { protocol, ..self.uri.clone() }
     }
 
-    /// A socket on the group's port, shared with other clients of this host.
-    fn join(&self, group: [u8; 4]) -> std::io::Result<UdpSocket> {
-        // The interface towards the server.
-        let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
-        probe.connect(self.server)?;
-        let interface = match probe.local_addr()?.ip() {
-            IpAddr::V4(address) => address,
-            IpAddr::V6(_) => Ipv4Addr::UNSPECIFIED,
-        };
-        let socket = Socket::new(Domain::IPV4, Type::DGRAM, None)?;
-        socket.set_reuse_address(true)?;
-        let group = Ipv4Addr::from(group);
-        socket.bind(&SocketAddrV4::new(group, self.data_port).into())?;
-        socket.join_multicast_v4(&group, &interface)?;
-        socket.set_nonblocking(true)?;
-        Ok(socket.into())
-    }
-
     fn say_connect(&mut self) {
-        self.say(|out| write_connect(out, MessageId::Connect, "tilthex", Version::V3_0));
-    }
-
-    fn say(&self, write: impl FnOnce(&mut [u8]) -> usize) {
-        let mut packet = [0; 512];
-        let length = write(&mut packet);
-        // What can not be sent is not answered, and asked again.
-        let _ = self.command.send_to(&packet[..length], self.server);
+        self.line.say(|out| write_connect(out, MessageId::Connect, "tilthex", Version::V3_0));
     }
 
     /// Asks, again and again, until an answer is found or patience ends.
@@ -288,12 +250,12 @@ impl Session {
             if left == 0 {
                 return None;
             }
-            self.wait(left);
+            self.line.wait(left);
             // Out of the way while the session is changed.
             let mut buffer = std::mem::take(&mut self.buffer);
             let mut found = None;
             while found.is_none()
-                && let Some(length) = self.read(&mut buffer)
+                && let Some(length) = self.line.read(&mut buffer)
             {
                 match parse_packet(&buffer[..length]) {
                     Ok((MessageId::EchoResponse, payload)) => self.take_echo(payload),
@@ -306,29 +268,6 @@ impl Session {
                 return found;
             }
         }
-    }
-
-    fn wait(&self, left: Nanos) {
-        let timeout = Timespec { tv_sec: (left / 1_000_000_000) as _, tv_nsec: (left % 1_000_000_000) as _ };
-        let command = PollFd::new(&self.command, PollFlags::IN);
-        let _ = match &self.group {
-            Some(group) => poll(&mut [command, PollFd::new(group, PollFlags::IN)], Some(&timeout)),
-            None => poll(&mut [command], Some(&timeout)),
-        };
-    }
-
-    /// The next packet of the server, from either socket.
-    fn read(&self, buffer: &mut [u8]) -> Option<usize> {
-        [Some(&self.command), self.group.as_ref()].into_iter().flatten().find_map(|socket| {
-            loop {
-                match socket.recv_from(buffer) {
-                    Ok((length, from)) if from.ip() == self.server.ip() => return Some(length),
-                    // Strangers are not listened to.
-                    Ok(_) => {}
-                    Err(_) => return None,
-                }
-            }
-        })
     }
 
     fn refused(&self) -> u32 {
@@ -385,7 +324,7 @@ impl Session {
         self.version = version;
         let Some(body) = frame.body(self.body) else { return false };
         if frame.models_changed {
-            self.say(|out| write_bare(out, MessageId::RequestModelDef));
+            self.line.say(|out| write_bare(out, MessageId::RequestModelDef));
         }
         if !self.count(frame.number) {
             return true;
