@@ -9,6 +9,7 @@ pub mod campaign;
 pub mod config;
 pub mod control_loop;
 pub mod control_socket;
+pub mod doctor;
 pub mod failure;
 pub mod histogram;
 pub mod log;

@@ -7,7 +7,11 @@ mod status;
 
 pub use args::Args;
 
-use crate::{Failure, campaign, failure, replay};
+use crate::{
+    Failure, campaign,
+    doctor::{self, Verdict},
+    failure, replay,
+};
 use args::Action;
 
 /// Failures of a campaign that are shown one by one.
@@ -25,7 +29,18 @@ pub fn run() -> Result<(), Failure> {
             Ok(())
         }
         None => fly::fly(&args),
-        Some(Action::Doctor) => Ok(()),
+        Some(Action::Doctor) => {
+            let checks = doctor::examine(&args.config()?, args.port.as_deref(), args.realtime);
+            checks.iter().for_each(|check| println!("{check}"));
+            let bad = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
+            match bad {
+                0 => Ok(()),
+                _ => Err(Failure::usage(format!(
+                    "{bad} of {} checks ask to be mended before a flight",
+                    checks.len()
+                ))),
+            }
+        }
         Some(Action::Replay { log }) => {
             let found = replay::file(log)?;
             println!("{} ticks, {} messages run again", found.ticks, found.messages);

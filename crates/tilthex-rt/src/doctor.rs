@@ -1,0 +1,231 @@
+//! Checks a computer before a flight and says what to mend.
+
+use std::{
+    fmt, fs,
+    path::{Path, PathBuf},
+    time::Duration,
+};
+
+use rustix::thread::{CpuSet, sched_getaffinity};
+
+use crate::{
+    config::Config,
+    histogram::Histogram,
+    mocap::{Client, ClientParams, MocapUri},
+    port::{Port, latency_timer},
+    realtime::{self, Demand},
+    sleeper::{Clock, Monotonic, Nanos, Sleeper},
+};
+
+/// Wake-ups that are measured.
+const WAKES: u32 = 1000;
+/// A wake-up later than this is no real-time computer's, ns.
+const LATE: Nanos = 500_000;
+/// How long capture is listened to.
+const LISTEN: Duration = Duration::from_secs(1);
+
+/// What a check found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Verdict {
+    /// As it should be.
+    Good,
+    /// It will fly, less well than it could.
+    Fair,
+    /// Mend it before a flight.
+    Bad,
+}
+
+/// One check.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Check {
+    /// What was looked at.
+    pub name: &'static str,
+    /// How it is.
+    pub verdict: Verdict,
+    /// What was found, and what mends it.
+    pub text: String,
+}
+
+impl fmt::Display for Check {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mark = match self.verdict {
+            Verdict::Good => "ok",
+            Verdict::Fair => "fair",
+            Verdict::Bad => "MEND",
+        };
+        write!(f, "{mark:5} {:12} {}", self.name, self.text)
+    }
+}
+
+fn check(name: &'static str, verdict: Verdict, text: impl Into<String>) -> Check {
+    Check { name, verdict, text: text.into() }
+}
+
+/// Runs every check; those of port and capture only where they are named.
+#[must_use]
+pub fn examine(config: &Config, port: Option<&str>, demand: Demand) -> Vec<Check> {
+    let mut checks = vec![kernel(Path::new("/")), governor(Path::new("/sys"))];
+    checks.extend(rights_and_wakes(demand));
+    checks.push(clock(Path::new("/sys")));
+    checks.extend(port.map(|name| line(name, config.link.baud)).unwrap_or_default());
+    if !config.mocap.uri.is_empty() {
+        checks.push(capture(config));
+    }
+    checks
+}
+
+fn kernel(root: &Path) -> Check {
+    let read = |path: &str| fs::read_to_string(root.join(path)).unwrap_or_default();
+    let release = read("proc/sys/kernel/osrelease");
+    let release = release.trim();
+    if read("sys/kernel/realtime").trim() == "1" {
+        check("kernel", Verdict::Good, format!("{release}, PREEMPT_RT"))
+    } else if read("proc/version").contains("PREEMPT") {
+        let text = format!(
+            "{release}, preemptible but not PREEMPT_RT: install a real-time kernel for the best times"
+        );
+        check("kernel", Verdict::Fair, text)
+    } else {
+        check("kernel", Verdict::Bad, format!("{release} is not preemptible: install a real-time kernel"))
+    }
+}
+
+fn governor(sys: &Path) -> Check {
+    let cpus = sched_getaffinity(None).unwrap_or_else(|_| CpuSet::new());
+    let file = |cpu: usize| sys.join(format!("devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor"));
+    let slow: Vec<_> = (0..CpuSet::MAX_CPU)
+        .filter(|cpu| cpus.is_set(*cpu))
+        .filter_map(|cpu| fs::read_to_string(file(cpu)).ok().map(|text| (cpu, text)))
+        .filter(|(_, text)| text.trim() != "performance")
+        .collect();
+    match slow.first() {
+        None => check("governor", Verdict::Good, "no processor changes its speed on its own account"),
+        Some((cpu, text)) => check(
+            "governor",
+            Verdict::Fair,
+            format!(
+                "processor {cpu} follows \"{}\": run `sudo cpupower frequency-set -g performance`",
+                text.trim()
+            ),
+        ),
+    }
+}
+
+/// Asks for the rights in a thread of its own, and there measures how late it wakes.
+fn rights_and_wakes(demand: Demand) -> Vec<Check> {
+    let measured = std::thread::Builder::new().stack_size(realtime::LOOP_STACK).spawn(move || {
+        let rights = realtime::acquire(demand);
+        let period = Duration::from_millis(2);
+        let mut sleeper = Sleeper::new(period, Monotonic.now() + period.as_nanos() as Nanos);
+        let mut wakes = Histogram::default();
+        for _ in 0..WAKES {
+            wakes.record(sleeper.wait(&Monotonic).latency());
+        }
+        (rights, wakes.quantiles())
+    });
+    let Some((rights, wakes)) = measured.ok().and_then(|thread| thread.join().ok()) else {
+        return vec![check("rights", Verdict::Bad, "no thread can be started")];
+    };
+    let mut checks = match rights {
+        Ok(rights) if rights.warnings.is_empty() => {
+            vec![check("rights", Verdict::Good, "SCHED_FIFO, locked memory and a processor are granted")]
+        }
+        Ok(rights) => rights.warnings.into_iter().map(|w| check("rights", Verdict::Fair, w)).collect(),
+        Err(failure) => vec![check("rights", Verdict::Bad, failure.message)],
+    };
+    let verdict = if wakes.p999 > LATE { Verdict::Bad } else { Verdict::Good };
+    checks.push(check("wake-up", verdict, format!("after the deadline, {} times: {wakes}", wakes.count)));
+    checks
+}
+
+fn clock(sys: &Path) -> Check {
+    let source = sys.join("devices/system/clocksource/clocksource0/current_clocksource");
+    let source = fs::read_to_string(source).unwrap_or_default();
+    match source.trim() {
+        "" => check("clock", Verdict::Fair, "the kernel does not say what its clock is"),
+        slow @ ("hpet" | "acpi_pm" | "jiffies") => check(
+            "clock",
+            Verdict::Bad,
+            format!(
+                "{slow} takes long to read: boot with `clocksource=tsc` where the processor's counter is stable"
+            ),
+        ),
+        good => check("clock", Verdict::Good, good),
+    }
+}
+
+fn line(name: &str, baud: u32) -> Vec<Check> {
+    match Port::open(name, baud) {
+        Err(failure) => vec![check("port", Verdict::Bad, failure.message)],
+        Ok(port) => {
+            let timer = latency_timer(port.path(), Path::new("/sys"));
+            let delay = timer.map_or("none".into(), |(_, ms): (PathBuf, u32)| format!("{ms} ms"));
+            let text =
+                format!("{} opens at {baud} baud; delay of its adapter: {delay}", port.path().display());
+            vec![check("port", Verdict::Good, text)]
+        }
+    }
+}
+
+fn capture(config: &Config) -> Check {
+    let connect = || {
+        let uri: MocapUri = config.mocap.uri.parse()?;
+        let up_axis = config.mocap.up_axis().map_err(|e| crate::Failure::usage(e.to_string()))?;
+        Client::start(&uri, ClientParams { up_axis, latency: 0.0 })
+    };
+    match connect() {
+        Err(failure) => check("capture", Verdict::Bad, failure.message),
+        Ok((client, _poses)) => {
+            let before = client.status();
+            std::thread::sleep(LISTEN);
+            let now = client.status();
+            let rate = f64::from(now.poses - before.poses) / LISTEN.as_secs_f64();
+            let text = format!(
+                "{rate:.0} poses a second, {:.1} ms old, {} lost, {} untracked",
+                1e3 * now.latency,
+                now.lost - before.lost,
+                now.untracked - before.untracked
+            );
+            let verdict = if rate >= 50.0 { Verdict::Good } else { Verdict::Bad };
+            check("capture", verdict, text)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::config::VehicleSection;
+
+    #[test]
+    fn every_check_says_something_and_a_bad_one_how_to_mend_it() {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
+        let checks = examine(&config, Some("/dev/no-such-port"), Demand::Off);
+        let names: Vec<_> = checks.iter().map(|c| c.name).collect();
+        assert_eq!(names, ["kernel", "governor", "rights", "wake-up", "clock", "port"]);
+        assert!(checks.iter().all(|c| !c.text.is_empty()));
+        assert_eq!(checks[5].verdict, Verdict::Bad);
+        assert!(checks[5].text.contains("does not exist"));
+    }
+
+    #[test]
+    fn a_computer_that_needs_mending() {
+        let root = tempfile::tempdir().expect("a directory");
+        let write = |path: &str, text: &str| {
+            let path = root.path().join(path);
+            fs::create_dir_all(path.parent().expect("a parent")).expect("made");
+            fs::write(path, text).expect("written");
+        };
+        write("proc/version", "Linux version 6.1 SMP");
+        assert_eq!(kernel(root.path()).verdict, Verdict::Bad);
+        write("sys/kernel/realtime", "1\n");
+        assert_eq!(kernel(root.path()).verdict, Verdict::Good);
+        let sys = root.path().join("sys");
+        for cpu in 0..64 {
+            write(&format!("sys/devices/system/cpu/cpu{cpu}/cpufreq/scaling_governor"), "powersave\n");
+        }
+        assert!(governor(&sys).text.contains("cpupower frequency-set -g performance"));
+        write("sys/devices/system/clocksource/clocksource0/current_clocksource", "hpet\n");
+        assert_eq!(clock(&sys).verdict, Verdict::Bad);
+    }
+}
