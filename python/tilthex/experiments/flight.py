@@ -82,7 +82,7 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
         rows["robot_rotation"][k] = world.rotation
         rows["tool_velocity"][k] = world.tool_velocity
         rows["angular_velocity"][k] = world.angular_velocity
-        rows["true_wrench"][k], rows["largest_contact"][k], rows["contacts"][k] = world.true_wrench()
+        rows["true_wrench"][k], rows["largest_contact"][k], rows["pressure"][k] = world.true_wrench()
         rows["peak_force"][k] = world.peak_force
         rows["rotor_speeds"][k] = world.rotor_speeds
         if progress is not None and k % 250 == 249:

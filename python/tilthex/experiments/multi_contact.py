@@ -28,9 +28,12 @@ def checks(run: Run, record: Record) -> list[Check]:
         torque = rms(record.wrench_tool[rows, 3:] - record.true_wrench[rows, 3:])
         table.append(below(f"{phase}: force against truth, rms", force, 0.2, "N", paper="follows"))
         table.append(below(f"{phase}: torque against truth, rms", torque, 0.05, "N m", paper="follows"))
-    asked = record.during(*CONTACT_PHASES)
-    lost = float(np.mean(record.contacts[asked] == 0.0))
-    table.append(below("time without contact while a force is asked", lost, 0.0, "%", scale=100.0))
+    for axis, since in enumerate(("three contacts", "two contacts", "one contact")):
+        # From the phase on that begins in contact with the surface across this axis.
+        rows = record.during(*CONTACT_PHASES[CONTACT_PHASES.index(since) :])
+        lost = float(np.mean(record.pressure[rows, axis] == 0.0))
+        what = f"time without contact while a force along {'xyz'[axis]} is asked"
+        table.append(below(what, lost, 0.0, "%", scale=100.0))
     return table
 
 

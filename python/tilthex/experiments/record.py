@@ -22,7 +22,7 @@ COLUMNS: dict[str, tuple[int, ...]] = {
     "true_wrench": (6,),
     "peak_force": (),
     "largest_contact": (),
-    "contacts": (),
+    "pressure": (3,),
     "rotor_speeds": (),
 }
 """The truth, column by column: name and shape. Added to it are the columns of `tilthex.Loop.record`,

@@ -44,7 +44,7 @@ def checks(run: Run, record: Record) -> list[Check]:
         ]
     else:
         table.append(Check(f"{run.name}: sideways deviation", "", paper, f"{1e3 * off[1]:.1f} mm", None))
-    lost = float(np.mean(record.contacts[record.during("slide", "rest")] == 0.0))
+    lost = float(np.mean(record.pressure[record.during("slide", "rest"), 2] == 0.0))
     table.append(Check(f"{run.name}: time without contact", "", "", f"{100 * lost:.2g} %", None))
     return table
 

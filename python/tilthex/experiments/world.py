@@ -197,35 +197,35 @@ class World:
         self._poses = [pose for pose in self._poses if pose.arrival > now]
         return due
 
-    def contact_wrench(self) -> tuple[Vector, float, int]:
+    def contact_wrench(self) -> tuple[Vector, float, Vector]:
         """Truth: the wrench of all contacts on the tool (force, torque about its origin; W).
 
         Each contact's force is turned by the contact's frame, and acts on the
-        second of its geoms. Also the largest single contact force, N, and the
-        number of contacts that press.
+        second of its geoms. Also the largest single contact force, N, and how hard
+        the surfaces across each world axis press, N, (3,): their normal forces alone.
         """
-        wrench, largest, count = np.zeros(6), 0.0, 0
+        wrench, largest, pressure = np.zeros(6), 0.0, np.zeros(3)
         tool = self.tool_position
         for i in range(self.data.ncon):
             mujoco.mj_contactForce(self.model, self.data, i, self._contact)
             contact = self.data.contact[i]
             force = self._contact[:3] @ contact.frame.reshape(3, 3)
+            pressure += self._contact[0] * np.abs(contact.frame[:3])
             if self.model.geom_bodyid[contact.geom[1]] != self._robot:
                 force = -force
             size = math.sqrt(force @ force)
             wrench[:3] += force
             wrench[3:] += np.cross(contact.pos - tool, force)
             largest = max(largest, size)
-            count += size > 0.0
-        return wrench, largest, count
+        return wrench, largest, pressure
 
-    def true_wrench(self) -> tuple[Vector, float, int]:
-        """Truth: the wrench on the tool, the largest contact force and the number of contacts."""
+    def true_wrench(self) -> tuple[Vector, float, Vector]:
+        """Truth: the wrench on the tool, pull included, and what [`contact_wrench`] adds to it."""
         if self._clamped:
-            return self.constraint_wrench(), 0.0, 0
-        wrench, largest, count = self.contact_wrench()
+            return self.constraint_wrench(), 0.0, np.zeros(3)
+        wrench, largest, pressure = self.contact_wrench()
         wrench[:3] += self.push
-        return wrench, largest, count
+        return wrench, largest, pressure
 
     def constraint_wrench(self) -> Vector:
         """Truth by another way: what all constraints do to the free joint.
