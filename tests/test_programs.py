@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import tilthex
 
+ROOT = Path(__file__).parent.parent
 PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
 
 
@@ -269,3 +270,31 @@ def test_the_log_reads_with_common_tools(tmp_path):
 def _write(path: Path, data: bytes):
     path.write_bytes(data)
     return path
+
+
+def test_the_loop_makes_only_the_system_calls_that_are_documented(tmp_path):
+    """docs/loop.md lists them; strace watches the loop's thread in flight."""
+    strace = shutil.which("strace")
+    if strace is None:
+        pytest.skip("strace is not installed")
+    listed = set(re.findall(r"^\| `(\w+)` \|", (ROOT / "docs" / "loop.md").read_text(), re.MULTILINE))
+    assert listed
+    trace = tmp_path / "trace"
+    with (
+        started("--sim", "--control", "127.0.0.1:0", "--log", tmp_path / "flight.mcap") as process,
+        tilthex.connect(port=control_port(process)) as flight,
+    ):
+        wait_for(flight, lambda state: state["phase"] == "flying")
+        tasks = Path(f"/proc/{process.pid}/task").iterdir()
+        [thread] = [task.name for task in tasks if (task / "comm").read_text().strip() == "loop"]
+        command = [strace, "-qq", "-p", thread, "-o", trace, "-e", "trace=all"]
+        watcher = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        wait_for(flight, lambda state: (trace.exists() and trace.stat().st_size > 100_000) or watcher.poll())
+        watcher.send_signal(signal.SIGINT)
+        _, error = watcher.communicate(timeout=20)
+        if not trace.exists() or trace.stat().st_size == 0:
+            pytest.skip(f"strace may not watch: {error}")
+        flight.land()
+        process.communicate(timeout=60)
+    calls = set(re.findall(r"^(\w+)\(", trace.read_text(), re.MULTILINE))
+    assert {"clock_nanosleep", "read", "write"} <= calls <= listed, calls

@@ -93,8 +93,8 @@ pub struct ControlLoop {
 }
 
 impl ControlLoop {
-    /// Runs until the flight is over.
-    pub fn run(mut self) -> End {
+    /// Runs until the flight is over. From here to the return nothing is allocated (`tests/no_alloc.rs`).
+    pub fn run(&mut self) -> End {
         let clock = Monotonic;
         let begin = clock.now();
         let mut memory = Memory::new(begin);

@@ -122,7 +122,7 @@ pub(super) struct Running {
 }
 
 /// Starts the loop's thread, once it has its rights.
-fn start(control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running, Failure> {
+fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running, Failure> {
     let (say_rights, rights) = mpsc::sync_channel(1);
     let (say_end, end) = mpsc::sync_channel(1);
     std::thread::Builder::new()
