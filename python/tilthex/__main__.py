@@ -7,13 +7,15 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, estimate, fit, plot
+from tilthex import __version__, design, estimate, fit, manoeuvres, plot
 from tilthex.experiments import cli as experiments
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
+    design.add_parser,
     estimate.add_parser,
     experiments.add_parser,
     fit.add_parser,
+    manoeuvres.add_parser,
     plot.add_parser,
 )
 """The `add_parser` of each subcommand's module."""

@@ -7,6 +7,8 @@ from typing import Any, Final, final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tilthex.polytope import WrenchPolytope
+
 __all__ = [
     "GRAVITY",
     "AdmittanceFilter",
@@ -97,6 +99,13 @@ class Vehicle:
     def hover_speeds(self, rotation: ArrayLike | None = None) -> _Array: ...
     def tool_wrench(self, wrench: ArrayLike, rotation: ArrayLike) -> _Array: ...
     def to_mjcf(self) -> str: ...
+    def wrench_polytope(
+        self,
+        hover: bool = False,
+        fix: dict[str, float] | None = None,
+        lost: Sequence[int] | None = None,
+        rotation: ArrayLike | None = None,
+    ) -> WrenchPolytope: ...
     def robot_wrench(self, wrench: ArrayLike, rotation: ArrayLike) -> _Array: ...
 
 @final
@@ -208,6 +217,7 @@ class Controller:
         dt: float = 0.002,
         compliant: bool = True,
         learn_bias: bool = False,
+        lost_rotors: Sequence[int] | None = None,
     ) -> Output: ...
     def reset(self) -> None: ...
     def set_admittance(self, config: Config) -> None: ...
@@ -353,6 +363,10 @@ class Allocation:
     def saturated(self) -> bool: ...
     @property
     def given_up(self) -> str | None: ...
+    @property
+    def shortfall(self) -> dict[str, float]: ...
+    @property
+    def iterations(self) -> int: ...
 
 @final
 class Plant:

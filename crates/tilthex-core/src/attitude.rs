@@ -80,7 +80,8 @@ pub struct AttitudeParams {
 
 impl Default for AttitudeParams {
     fn default() -> Self {
-        Self { mode: AttitudeMode::default(), reserve: 0.05, max_turn: 0.6, bandwidth: 25.0 }
+        let max_turn = core::f64::consts::FRAC_PI_4;
+        Self { mode: AttitudeMode::default(), reserve: 0.05, max_turn, bandwidth: 10.0 }
     }
 }
 

@@ -233,10 +233,7 @@ impl Allocator {
         if let Some(measured) = rotor_speeds {
             status.speeds = convert::rotors("rotor_speeds", measured, self.count)?;
         }
-        for rotor in lost.unwrap_or_default() {
-            convert::number("lost", rotor as f64, 0.0, self.count as f64 - 1.0)?;
-            status.lost |= 1 << rotor;
-        }
+        status.lost = convert::rotor_set("lost", lost, self.count)?;
         let found = self.block.step(&mut AllocatorState::default(), &wrench, &status);
         Ok(Allocation { found, count: self.count })
     }
@@ -273,6 +270,22 @@ impl Allocation {
     #[getter]
     fn saturated(&self) -> bool {
         self.found.saturated
+    }
+
+    /// Error of each part of the wrench by its name: N or N m.
+    #[getter]
+    fn shortfall(&self) -> std::collections::HashMap<&'static str, f64> {
+        allocation::Priority::ORDER
+            .map(allocation::Priority::name)
+            .into_iter()
+            .zip(self.found.shortfall)
+            .collect()
+    }
+
+    /// Steps of the search; 0 where no limit was active.
+    #[getter]
+    fn iterations(&self) -> u32 {
+        self.found.iterations
     }
 
     /// The most important part of the wrench that is not met, or None.

@@ -37,10 +37,11 @@ impl Controller {
     /// specific_force: at the centre of mass, (3,), m/s^2, robot.
     /// rotor_speeds: measured, (n,), Hz. dt: measured time since the last tick, s.
     /// compliant: whether contact moves the reference. learn_bias: whether this
-    /// is a contact-free hover whose mean wrench is the bias.
+    /// is a contact-free hover whose mean wrench is the bias. lost_rotors: those,
+    /// from 0, that stand still.
     #[pyo3(signature = (
         *, position, velocity, rotation, angular_velocity, specific_force, rotor_speeds, setpoint,
-        dt=0.002, compliant=true, learn_bias=false
+        dt=0.002, compliant=true, learn_bias=false, lost_rotors=None
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn step(
@@ -55,6 +56,7 @@ impl Controller {
         dt: f64,
         compliant: bool,
         learn_bias: bool,
+        lost_rotors: Option<Vec<usize>>,
     ) -> PyResult<Output> {
         let count = self.block.vehicle().rotor_count();
         let input = ControllerInput {
@@ -69,7 +71,7 @@ impl Controller {
             setpoint: setpoint.0,
             compliant,
             learn_bias,
-            lost_rotors: 0,
+            lost_rotors: convert::rotor_set("lost_rotors", lost_rotors, count)?,
         };
         let output = self.block.step(&mut self.state, &input, convert::period(dt)?);
         Ok(Output { output, count })

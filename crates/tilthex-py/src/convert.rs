@@ -128,6 +128,16 @@ pub(crate) fn rotors(name: &str, object: &Bound<'_, PyAny>, count: usize) -> PyR
     Ok(out)
 }
 
+/// Rotors, from 0, as a set of bits.
+pub(crate) fn rotor_set(name: &str, rotors: Option<Vec<usize>>, count: usize) -> PyResult<u16> {
+    let mut set = 0;
+    for rotor in rotors.unwrap_or_default() {
+        number(name, rotor as f64, 0.0, count as f64 - 1.0)?;
+        set |= 1 << rotor;
+    }
+    Ok(set)
+}
+
 /// A finite number within `min..=max`.
 pub(crate) fn number(name: &str, value: f64, min: f64, max: f64) -> PyResult<f64> {
     if value.is_nan() || value < min || value > max {

@@ -163,6 +163,28 @@ impl Vehicle {
         this.py().import("tilthex.mjcf")?.call_method1("to_mjcf", (this,))?.extract()
     }
 
+    /// The body wrenches that the rotors can produce within their limits, or a section of them.
+    ///
+    /// As `tilthex.polytope.wrench_polytope`, whose arguments these are.
+    #[pyo3(signature = (hover=false, fix=None, lost=None, rotation=None))]
+    fn wrench_polytope<'py>(
+        this: Bound<'py, Self>,
+        hover: bool,
+        fix: Option<Bound<'py, PyAny>>,
+        lost: Option<Bound<'py, PyAny>>,
+        rotation: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = this.py();
+        let arguments = PyDict::new(py);
+        arguments.set_item("hover", hover)?;
+        arguments.set_item("fix", fix)?;
+        arguments.set_item("rotation", rotation)?;
+        if let Some(lost) = lost {
+            arguments.set_item("lost", lost)?;
+        }
+        py.import("tilthex.polytope")?.call_method("wrench_polytope", (this,), Some(&arguments))
+    }
+
     fn __repr__(&self) -> String {
         let v = self.core();
         format!("Vehicle('{}', mass={} kg, {} rotors)", self.name(), v.mass(), v.rotor_count())

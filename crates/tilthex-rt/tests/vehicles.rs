@@ -1,8 +1,11 @@
 //! Every preset flies on its default set-up: hover, a 6-D trajectory as far as
 //! it can, a push; limits, lost rotors.
 
+#![allow(clippy::unwrap_used)]
+
 use tilthex_core::{
     Matrix3, Setpoint, Vector3, Wrench,
+    allocation::Priority,
     controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
     plant::{Plant, PlantState},
     so3,
@@ -167,4 +170,44 @@ fn every_vehicle_yields_to_a_push_and_comes_back() {
         f.fly(12.0, &start, &Wrench::ZERO);
         assert!(deviation(&f).norm() < 0.01, "{name} {:?}", deviation(&f));
     }
+}
+
+/// Where a hover is left with a rotor lost (`tilthex.polytope.static_hover` says where), it is held.
+#[test]
+fn the_redundant_vehicles_hold_after_the_loss_of_any_rotor() {
+    for name in ["omnidirectional-octorotor", "coaxial-tilt-hex"] {
+        let count = flight(name, "").plant.vehicle().rotors().len();
+        for rotor in 0..count {
+            let mut f = flight(name, "");
+            let start = f.hold();
+            f.fly(1.0, &start, &Wrench::ZERO);
+            f.lost = 1 << rotor;
+            let mut farthest = 0.0f64;
+            for _ in 0..2500 {
+                f.tick(&start, &Wrench::ZERO);
+                farthest = farthest.max((f.state.robot.position_w - Vector3::new(0.0, 0.0, 1.0)).norm());
+            }
+            let (position, rotation) = f.tool();
+            println!(
+                "{name} without {rotor}: {farthest:.3} m at most, {:.4} m and {:.2} deg at the end",
+                (position - start.position_w).norm(),
+                degrees(&rotation, &start.rotation_we)
+            );
+            assert!(farthest < 0.2, "{name} {rotor} {farthest}");
+            assert!((position - start.position_w).norm() < 0.02, "{name} {rotor}");
+            assert!(degrees(&rotation, &start.rotation_we) < 2.0, "{name} {rotor}");
+        }
+    }
+}
+
+/// A Tilt-Hex can not hover at rest on five rotors that turn one way: yaw is given up, the tilt is not.
+#[test]
+fn the_tilt_hex_stays_upright_without_a_rotor() {
+    let mut f = flight("tilt-hex", "[attitude]\nmode = \"fixed-tilt\"");
+    let start = f.hold();
+    f.fly(1.0, &start, &Wrench::ZERO);
+    f.lost = 1;
+    let out = f.fly(0.5, &start, &Wrench::ZERO);
+    assert_eq!(out.allocation.given_up, Some(Priority::YawTorque));
+    assert!(so3::tilt(&f.state.robot.rotation_wr).to_degrees() < 5.0);
 }

@@ -82,7 +82,7 @@ section! {
         /// Part of each rotor's input range, at either end, that hovering leaves for torques.
         reserve: f64 = AttitudeParams::default().reserve,
         /// Largest turn away from the wanted attitude, degrees; horizontal force that needs more is given up.
-        max_turn_deg: f64 = 35.0,
+        max_turn_deg: f64 = 45.0,
         /// Both poles of the turn's filter, rad/s.
         bandwidth: f64 = AttitudeParams::default().bandwidth,
     }

@@ -1,0 +1,183 @@
+"""`tilthex manoeuvres`: what limits do to a flight, with the allocator and with a clip.
+
+Flies manoeuvres that ask for more than the rotors can give, once with the
+allocator and its turned attitude, once as it was before: the reference's
+attitude held whatever it costs, the inputs `A^+ w` cut off at the limits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import Config, Controller, Plant, Setpoint, Vehicle, so3
+
+Array = NDArray[np.float64]
+PERIOD = 0.002
+START = 1.0
+"""When a manoeuvre begins, s."""
+MANOEUVRES = ("step", "push", "roll")
+"""2 m aside at once; 10 N on the centre of mass for a second; 60 deg of roll asked at once."""
+WAYS = ("clip", "fixed", "turned")
+"""A clip; the allocator with the reference's attitude; the allocator and an attitude that yields."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One flight, sampled at 500 Hz.
+
+    Attributes:
+        time: (N,), s.
+        position_error: (N,), m, of the centre of mass.
+        attitude_error: (N,), deg, from the attitude that the controller flies to.
+        tilt: (N,), deg.
+        false_force: (N,), N: observed less true external force.
+        saturated: share of the ticks in which a limit was active.
+        lost: whether it turned over or flew away.
+    """
+
+    time: Array
+    position_error: Array
+    attitude_error: Array
+    tilt: Array
+    false_force: Array
+    saturated: float
+    lost: bool
+
+
+def fly(vehicle: Vehicle, manoeuvre: str, way: str, seconds: float = 6.0, **sections: Any) -> Flight:
+    """Flies one of `MANOEUVRES` in one of `WAYS` from a hover, on the simulated plant with exact sensors.
+
+    Args:
+        vehicle: which.
+        manoeuvre: which.
+        way: how limits are treated.
+        seconds: how long.
+        **sections: changes of the vehicle's default configuration.
+    """
+    for name, found, known in (("manoeuvre", manoeuvre, MANOEUVRES), ("way", way, WAYS)):
+        if found not in known:
+            raise ValueError(f"{name} is `{found}`; expected one of {', '.join(known)}")
+    fully = np.linalg.matrix_rank(vehicle.allocation) == 6
+    if way != "turned" and fully:
+        sections = {**sections, "attitude": {"mode": "fixed-tilt"}}
+    controller = Controller(vehicle, Config.default(vehicle).replace(**sections))
+    plant = Plant(vehicle, [0.0, 0.0, 1.0])
+    inverse = np.linalg.pinv(vehicle.allocation)
+    lower, upper = (vehicle.rotor_speed_limits * np.abs(vehicle.rotor_speed_limits)).T
+    home, home_rotation = plant.tool_position, plant.tool_rotation
+    count = round(seconds / PERIOD)
+    rows = np.full((count, 4), np.nan)
+    saturated = 0
+    lost = False
+    for k in range(count):
+        begun = k * PERIOD >= START
+        push = np.zeros(6)
+        place, rotation = home, home_rotation
+        if begun and manoeuvre == "step":
+            place = home + np.array([2.0, 0.0, 0.0])
+        elif begun and manoeuvre == "push" and k * PERIOD < START + 1.0:
+            push[0] = 10.0
+        elif begun and manoeuvre == "roll":
+            # About the centre of mass, which is asked to stay.
+            rotation = so3.exp(np.array([math.radians(60), 0.0, 0.0])) @ home_rotation
+            place = [0.0, 0.0, 1.0] + rotation @ vehicle.tool_rotation.T @ vehicle.tool_position
+        out = controller.step(
+            position=plant.position,
+            velocity=plant.velocity,
+            rotation=plant.rotation,
+            angular_velocity=plant.angular_velocity,
+            specific_force=plant.specific_force,
+            rotor_speeds=plant.rotor_speeds,
+            setpoint=Setpoint(position=place, rotation=rotation),
+        )
+        command = out.rotor_speeds
+        saturated += out.saturated
+        if way == "clip":
+            inputs = np.clip(inverse @ out.wanted_wrench, lower, upper)
+            command = np.sign(inputs) * np.sqrt(np.abs(inputs))
+        turn = out.robot_reference.rotation.T @ plant.rotation
+        rows[k] = (
+            np.linalg.norm(out.position_error),
+            _degrees(turn),
+            math.degrees(math.acos(min(1.0, max(-1.0, plant.rotation[2, 2])))),
+            0.0,
+        )
+        force_error = out.wrench_robot[:3] - push[:3]
+        rows[k, 3] = np.linalg.norm(force_error)
+        plant.step(command, wrench=push, dt=PERIOD)
+        if not np.linalg.norm(plant.position) < 50:
+            lost = True
+            break
+    lost = lost or bool(np.nanmax(rows[:, 2]) > 120)
+    time = np.arange(count) * PERIOD
+    position_error, attitude_error, tilt, false_force = rows.T
+    return Flight(
+        np.asarray(time, dtype=float),
+        position_error,
+        attitude_error,
+        tilt,
+        false_force,
+        saturated / count,
+        lost,
+    )
+
+
+def _degrees(rotation: Array) -> float:
+    return math.degrees(float(np.linalg.norm(so3.log(rotation))))
+
+
+def add_parser(subparsers: Any) -> None:
+    """Registers the command with the parsers of `tilthex`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "manoeuvres",
+        help="fly what the rotors can not give, with the allocator and with a clip",
+        description="Flies saturating manoeuvres with every vehicle, prints a table and plots each.",
+    )
+    parser.add_argument("--vehicle", action="append", help="a preset, any number of times (default: all)")
+    parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Flies all, prints a Markdown table and writes a plot a vehicle."""
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    print("| vehicle | manoeuvre | way | attitude error, most [deg] | position error, end [m] | saturated |")
+    print("|---|---|---|---|---|---|")
+    for name in arguments.vehicle or Vehicle.presets():
+        vehicle = Vehicle.preset(name)
+        ways = WAYS if np.linalg.matrix_rank(vehicle.allocation) == 6 else ("clip", "turned")
+        flights = {(m, w): fly(vehicle, m, w) for m in MANOEUVRES for w in ways}
+        for (manoeuvre, way), flight in flights.items():
+            attitude = f"{np.nanmax(_after_asked(flight, manoeuvre)):.1f}"
+            place = "lost" if flight.lost else f"{flight.position_error[-1]:.3f}"
+            print(f"| {name} | {manoeuvre} | {way} | {attitude} | {place} | {100 * flight.saturated:.0f} % |")
+        _plot(flights, ways, name, arguments.out / f"{name}.png")
+
+
+def _after_asked(flight: Flight, manoeuvre: str) -> Array:
+    """The attitude error; of a roll, whose error begins as what is asked, a second and a half later."""
+    begin = START + 1.5 if manoeuvre == "roll" else 0.0
+    return flight.attitude_error[flight.time >= begin]
+
+
+def _plot(flights: dict[tuple[str, str], Flight], ways: tuple[str, ...], title: str, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12, 7), layout="constrained")
+    figure.suptitle(title)
+    for column, manoeuvre in enumerate(MANOEUVRES):
+        upper = figure.add_subplot(2, 3, column + 1, title=manoeuvre, ylabel="attitude error [deg]")
+        lower = figure.add_subplot(2, 3, column + 4, xlabel="time [s]", ylabel="position error [m]")
+        for way in ways:
+            flight = flights[manoeuvre, way]
+            upper.plot(flight.time, flight.attitude_error, label=way)
+            lower.plot(flight.time, flight.position_error, label=way)
+        upper.legend()
+    figure.savefig(path, dpi=110)
