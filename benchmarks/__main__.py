@@ -9,6 +9,7 @@ import numpy as np
 import tilthex
 
 from benchmarks import numpy_controller as plain
+from benchmarks import ukf
 
 ROUNDS = 7
 
@@ -93,6 +94,8 @@ def main() -> None:
         best(lambda: rust_run(0.002 * steps), 1) / steps,
         numpy_step,
     )
+    print()
+    ukf.main()
 
 
 if __name__ == "__main__":

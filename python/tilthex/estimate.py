@@ -77,6 +77,14 @@ def plot_innovations(recording: Recording, run: _core.UkfRun, path: Path) -> Non
         bound = 3 * scale * run.innovation_deviation[:, first : first + 3].max(axis=1)
         axes[row].plot(time, bound, "k-", lw=0.7)
         axes[row].plot(time, -bound, "k-", lw=0.7, label="3 sigma")
+        # The first poses, with all that is not known yet, would dwarf the others.
+        largest = np.nanmax(
+            [
+                np.nanpercentile(np.abs(scale * run.innovation[:, first : first + 3]), 99.9),
+                1.2 * np.nanmedian(bound),
+            ]
+        )
+        axes[row].set_ylim(-1.3 * largest, 1.3 * largest)
         axes[row].set_ylabel(f"innovation of the {name}")
         axes[row].legend(loc="upper right", ncols=4)
     axes[2].semilogy(time, run.nis, ".", ms=2)

@@ -1,4 +1,6 @@
 //! Cost of the estimator's filter: `cargo bench -p tilthex-core --bench ukf`.
+#![allow(unreachable_pub)]
+
 #[path = "../tests/common/unstructured.rs"]
 mod unstructured;
 
@@ -85,7 +87,7 @@ fn tick(c: &mut Criterion) {
                     black_box(&Vector3::zeros()),
                     black_box(&Vector3::new(0.0, 0.0, 9.81)),
                 );
-                if k % 5 == 0 && time > latency {
+                if k.is_multiple_of(5) && time > latency {
                     estimator.update_pose(&PoseSample {
                         time: time - latency,
                         arrival: time,
