@@ -54,14 +54,14 @@ def compare(
     measured = dict(zip(places.tolist(), zip(position, rotation, strict=True), strict=True))
     first = measured.pop(0)
     spent, positions = {}, {}
-    begin = time.perf_counter()
+    begin = time.process_time()
     found = tilthex.Ukf(config).run(*imu, imu[0][places], position, rotation, covariance=False)
-    spent["tilthex"], positions["tilthex"] = time.perf_counter() - begin, found.position
+    spent["tilthex"], positions["tilthex"] = time.process_time() - begin, found.position
     for name, peer in [("NumPy", NumpyUkf.start(*first, noise)), ("filterpy", FilterpyUkf(*first, noise))]:
-        begin = time.perf_counter()
+        begin = time.process_time()
         positions[name] = np.array([peer.state.position for _ in run(peer, imu, measured)])
-        spent[name] = time.perf_counter() - begin
-    print("| filter | us a sample | ratio | position error, mm rms | farthest from tilthex, m |")
+        spent[name] = time.process_time() - begin
+    print("| filter | us of processor a sample | ratio | position error, mm rms | farthest from tilthex, m |")
     print("|---|---|---|---|---|")
     settled = truth[0] > len(imu[0]) // 10
     for name, estimate in positions.items():
