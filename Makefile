@@ -53,6 +53,7 @@ python-test: install
 
 bench: install
 	python -m benchmarks
+	cargo bench --locked --quiet -p tilthex-core -p tilthex-rt --bench ukf --bench control
 
 bench-rt:
 	cargo bench --locked -p tilthex-rt
