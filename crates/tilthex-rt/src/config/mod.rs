@@ -115,6 +115,12 @@ impl Config {
     /// As [`Self::from_text`].
     pub fn overlaid(&self, changes: Table) -> Result<Self, ConfigError> {
         let mut table = parse(&self.to_toml())?;
+        // Another vehicle replaces this one; keys beside its name are its own.
+        if let Some(Value::Table(vehicle)) = changes.get("vehicle")
+            && (vehicle.contains_key("preset") || vehicle.contains_key("file"))
+        {
+            table.remove("vehicle");
+        }
         overlay(&mut table, changes);
         match table.remove("vehicle") {
             Some(Value::Table(vehicle)) => {

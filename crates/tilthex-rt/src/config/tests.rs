@@ -95,6 +95,10 @@ fn an_overlay_changes_only_its_keys() {
     assert_eq!(changed.controller().admittance.stiffness[(0, 0)], 8.0);
     assert_eq!(changed.controller().pose, tilt_hex().controller().pose);
     assert_eq!(changed.admittance.mass, tilt_hex().admittance.mass);
+    let heavier = changed.overlaid("[vehicle]\nmass = 3".parse().unwrap()).unwrap();
+    assert_eq!((heavier.vehicle.vehicle().mass(), heavier.vehicle.name()), (3.0, "tilt-hex"));
+    let other = heavier.overlaid("[vehicle]\npreset = 'tilt-hex-light'".parse().unwrap()).unwrap();
+    assert_eq!((other.vehicle.vehicle().mass(), &other.admittance), (1.8, &changed.admittance));
 }
 
 proptest! {

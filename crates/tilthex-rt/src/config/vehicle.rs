@@ -218,6 +218,12 @@ fn resolve(mut table: Table, folder: &Path, depth: usize) -> Result<Table, Confi
         return Err(here(ConfigError::new("the files name one another in a circle")));
     }
     base = resolve(base, &folder, depth + 1)?;
+    // Rotors given one way replace those given the other.
+    for (given, replaced) in [("rotors", "tilted_hexarotor"), ("tilted_hexarotor", "rotors")] {
+        if table.contains_key(given) {
+            base.remove(replaced);
+        }
+    }
     super::overlay(&mut base, table);
     Ok(base)
 }
@@ -305,6 +311,33 @@ mod tests {
         let section = VehicleSection::from_table(table, Path::new("")).unwrap();
         assert_eq!(section.vehicle().mass(), 3.0);
         assert_eq!(section.name(), "tilt-hex");
+    }
+
+    #[test]
+    fn rotors_beside_a_preset_replace_its_own() {
+        let listed = VehicleSection::preset("tilt-hex").unwrap().vehicle().rotors().iter().fold(
+            String::from("preset = \"tilt-hex-light\"\n"),
+            |text, r| {
+                let axes = |v: &Vector3| format!("[{}, {}, {}]", v.x, v.y, v.z);
+                text + &format!(
+                    "[[rotors]]\nposition = {}\naxis = {}\nspin = {}\nthrust_coefficient = {}\n\
+                     drag_coefficient = {}\nmin_speed = {}\nmax_speed = {}\n",
+                    axes(&r.position_r),
+                    axes(&r.axis_r),
+                    r.spin,
+                    r.thrust_coefficient,
+                    r.drag_coefficient,
+                    r.min_speed,
+                    r.max_speed
+                )
+            },
+        );
+        let section = VehicleSection::from_table(listed.parse().unwrap(), Path::new("")).unwrap();
+        assert_eq!(section.vehicle().mass(), 1.8);
+        assert_eq!(
+            section.vehicle().rotors(),
+            VehicleSection::preset("tilt-hex").unwrap().vehicle().rotors()
+        );
     }
 
     #[test]
