@@ -56,7 +56,8 @@ bench: install
 	cargo bench --locked --quiet -p tilthex-core -p tilthex-rt --bench ukf --bench control
 
 bench-rt:
-	cargo bench --locked -p tilthex-rt
+	cargo build --release --locked -p tilthex-rt
+	benchmarks/rt.sh
 
 campaign:
 	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- campaign --number $(N)

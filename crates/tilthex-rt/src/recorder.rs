@@ -23,9 +23,9 @@ use crate::{
 };
 
 /// Ticks the ring holds: what a slow disk may cost before the first is lost.
-const RING: usize = 1024;
+const RING: usize = 512;
 /// Truths the ring holds.
-const TRUTH_RING: usize = 2048;
+const TRUTH_RING: usize = 256;
 /// The recorder looks so often.
 const LOOK: Duration = Duration::from_millis(10);
 /// The file is complete up to so long ago, s.

@@ -48,7 +48,9 @@ impl BlackBox {
             if self.finished.len() == FINISHED {
                 self.finished.pop_front();
             }
-            self.finished.push_back(log.finish()?);
+            let mut segment = log.finish()?;
+            segment.shrink_to_fit();
+            self.finished.push_back(segment);
         }
         Ok(())
     }
