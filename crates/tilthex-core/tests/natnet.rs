@@ -31,15 +31,12 @@ fn payload(packet: &[u8], expected: MessageId) -> &[u8] {
 
 #[test]
 fn a_recorded_frame() {
-    let Some(packet) = recorded("mocapframe_packet_v3.bin") else { return };
-    if packet.len() != 336 {
-        eprintln!(
-            "skipped: mocapframe_packet_v3.bin has {} bytes, the recording 336: restore it",
-            packet.len()
-        );
-        return;
-    }
-    let frame = Frame::parse(payload(&packet, MessageId::Frame), Version::V3_0).unwrap();
+    // The session holds the same 336 bytes as the packet that was cut from it.
+    let Some(capture) = recorded("traffic.pcapng") else { return };
+    let golden = |datagram: &&[u8]| datagram.get(4..8) == Some(&162_734_i32.to_le_bytes());
+    let packet = datagrams(&capture).into_iter().find(golden).unwrap();
+    assert_eq!(packet.len(), 336);
+    let frame = Frame::parse(payload(packet, MessageId::Frame), Version::V3_0).unwrap();
     assert_eq!(frame.number, 162_734);
     assert!((frame.times.timestamp - 1_356.116_667).abs() < 1e-6);
     assert_eq!(frame.bodies().count(), 1);
