@@ -105,3 +105,21 @@ def test_the_command_is_installed():
         [sys.executable, "-m", "tilthex", "--version"], capture_output=True, text=True, check=True
     )
     assert out.stdout == f"tilthex {tilthex.__version__}\n"
+
+
+def test_the_command_starts_without_the_extras():
+    code = (
+        "import sys, tilthex.__main__\n"
+        "extras = {'scipy', 'matplotlib', 'mujoco', 'pandas', 'mcap', 'tqdm'} & set(sys.modules)\n"
+        "assert not extras, extras"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_missing_extra_is_one_sentence(monkeypatch, tmp_path, capsys):
+    monkeypatch.setitem(sys.modules, "mcap.reader", None)
+    assert command.main(["fit", str(tmp_path / "flight.mcap")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("tilthex: ")
+    assert "not installed: pip install 'tilthex[" in error
+    assert error.count("\n") == 1

@@ -33,6 +33,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     chosen = parser.parse_args(arguments)
     try:
         chosen.run(chosen)
+    except ModuleNotFoundError as error:
+        needed = f"this command needs {error.name}, which is not installed"
+        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments]'", file=sys.stderr)
+        return USAGE
     except (ValueError, OSError, ImportError) as error:
         print(f"tilthex: {error}", file=sys.stderr)
         return USAGE
