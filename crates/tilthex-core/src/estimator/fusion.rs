@@ -1,0 +1,332 @@
+//! Samples and poses into the filter: at their time, in order, a bounded number of steps a tick.
+
+use super::{
+    Estimator, Outcome, POSITION_LIMIT, PoseReport, STEPS_PER_TICK,
+    history::{ImuEntry, PoseEntry},
+};
+use crate::{
+    so3,
+    types::{PoseSample, Vector3},
+    ukf::{InitialDeviation, Innovation, Ukf},
+};
+use libm::fabs;
+
+/// Readings past these are no readings, rad/s and m/s^2.
+const GYRO_LIMIT: f64 = 100.0;
+const FORCE_LIMIT: f64 = 1e3;
+/// An interval between samples above this is a gap, s.
+const GAP: f64 = 0.02;
+
+/// Deviations after a pose has been believed against the state: a jump of the
+/// pose is no motion, so the velocity stays, but may have been what was wrong.
+const REACQUIRED: InitialDeviation = InitialDeviation {
+    position: 0.02,
+    velocity: 0.3,
+    rotation: 0.05,
+    gyro_bias: 0.03,
+    accelerometer_bias: 0.2,
+};
+
+/// Past this a rotation contradicts the state because markers were swapped, rad.
+const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
+/// Share of a new pose in the running means.
+const LATENCY_SHARE: f64 = 0.05;
+const NIS_SHARE: f64 = 0.02;
+
+impl Estimator {
+    /// Takes an inertial sample: rate (rad/s) and specific force (m/s^2) in IMU
+    /// coordinates at `time` (s). Between two samples the readings count as their mean.
+    pub fn predict(&mut self, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
+        self.predict_observed(time, gyro_i, specific_force_i, &mut |_| ());
+    }
+
+    /// Takes what a model of the vehicle puts in the place of a missing
+    /// sample. Its rate is no measurement: poses correct it, as a bias.
+    pub fn predict_modelled(&mut self, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
+        self.take_sample(time, gyro_i, specific_force_i, true, &mut |_| ());
+    }
+
+    /// [`predict`](Self::predict), with a report on every pose that is applied in its course.
+    pub fn predict_observed(
+        &mut self,
+        time: f64,
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        observe: &mut impl FnMut(&PoseReport),
+    ) {
+        self.take_sample(time, gyro_i, specific_force_i, false, observe);
+    }
+
+    fn take_sample(
+        &mut self,
+        time: f64,
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        modelled: bool,
+        observe: &mut impl FnMut(&PoseReport),
+    ) {
+        let last = self.samples.newest().map(|s| s.time);
+        let sane = time.is_finite()
+            && gyro_i.iter().all(|x| fabs(*x) <= GYRO_LIMIT)
+            && specific_force_i.iter().all(|x| fabs(*x) <= FORCE_LIMIT)
+            && last.is_none_or(|last| time > last);
+        if !sane {
+            count(&mut self.counts.imu_rejected);
+            return;
+        }
+        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, modelled });
+        self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
+        let dt = last.map_or(0.0, |last| time - last);
+        if dt > GAP {
+            count(&mut self.counts.imu_gaps);
+        }
+        self.differentiate(gyro_i, dt);
+        if !self.initialized || time <= self.head.time {
+            return;
+        }
+        let (gyro, force, _) = self.samples.interval(self.samples.end() - 1);
+        self.current = self.current.advance(&gyro, &force, dt.min(1.0));
+        self.steps = STEPS_PER_TICK;
+        self.work(time, observe);
+    }
+
+    /// Takes a pose of the captured body. It is applied at the time at which it was taken, as soon as the samples reach it.
+    pub fn update_pose(&mut self, pose: &PoseSample) -> Outcome {
+        self.update_pose_observed(pose, &mut |_| ())
+    }
+
+    /// [`update_pose`](Self::update_pose), with a report on every pose that is applied in its course.
+    pub fn update_pose_observed(
+        &mut self,
+        pose: &PoseSample,
+        observe: &mut impl FnMut(&PoseReport),
+    ) -> Outcome {
+        let time = pose.time - self.params.latency;
+        if !pose.tracking_valid
+            || !pose.is_finite()
+            || pose.position_w.amax() > POSITION_LIMIT
+            || so3::rotation_defect(&pose.rotation_wr) > 1e-3
+            || self.initialized && time - self.now() > self.params.history
+        {
+            count(&mut self.counts.invalid);
+            return Outcome::Invalid;
+        }
+        if !self.initialized {
+            return Outcome::Uninitialized;
+        }
+        self.measure_latency(pose.arrival - time);
+        if self.poses.contains(time) || time == self.head.applied {
+            count(&mut self.counts.duplicate);
+            return Outcome::Duplicate;
+        }
+        let now = self.now();
+        let oldest = self.samples.first_usable();
+        if now - time > self.params.history
+            || time < self.head.time && !self.checkpoints.restore(time, oldest, &mut self.head)
+        {
+            count(&mut self.counts.too_old);
+            return Outcome::TooOld;
+        }
+        let entry =
+            PoseEntry { time, position: pose.position_w, rotation: pose.rotation_wr, reported: false };
+        let mut outcome = Outcome::Pending;
+        self.enqueue(entry);
+        self.work(now, &mut |report: &PoseReport| {
+            if report.time == time {
+                outcome = report.outcome;
+            }
+            observe(report);
+        });
+        outcome
+    }
+
+    fn enqueue(&mut self, entry: PoseEntry) {
+        if self.poses.next(entry.time, f64::INFINITY).is_some() {
+            count(&mut self.counts.disordered);
+        }
+        if let Some(gone) = self.poses.insert(entry) {
+            if gone > self.head.applied {
+                count(&mut self.counts.too_old);
+            }
+            self.checkpoints.forget_before(gone);
+        }
+    }
+
+    fn measure_latency(&mut self, found: f64) {
+        let found = found.max(0.0).min(self.params.history);
+        if !self.has_latency {
+            (self.has_latency, self.latency) = (true, found);
+        }
+        let off = found - self.latency;
+        self.latency += LATENCY_SHARE * off;
+        self.latency_deviation += LATENCY_SHARE * (fabs(off) - self.latency_deviation);
+    }
+
+    /// Time of the newest sample (or of the start, before any).
+    pub(super) fn now(&self) -> f64 {
+        self.samples
+            .newest()
+            .map_or(self.head.time, |s| if s.time > self.head.time { s.time } else { self.head.time })
+    }
+
+    /// Makes the steps that are due and allowed, and brings the output up to date once none is left.
+    fn work(&mut self, now: f64, observe: &mut impl FnMut(&PoseReport)) {
+        // Without poses the head follows at the distance at which the next ones are expected.
+        let horizon = now - (self.latency + 4.0 * self.latency_deviation).min(0.5 * self.params.history);
+        let mut due = true;
+        while due && self.steps > 0 {
+            due = self.step(now, horizon, observe);
+            self.steps -= u32::from(due);
+        }
+        if !due && (self.stale || self.head.next_sample == self.samples.end()) {
+            self.refresh();
+        }
+    }
+
+    /// One step of the filter; false when none is due.
+    fn step(&mut self, now: f64, horizon: f64, observe: &mut impl FnMut(&PoseReport)) -> bool {
+        let next = (self.head.next_sample < self.samples.end())
+            .then(|| self.samples.get(self.head.next_sample).time);
+        match (self.poses.next(self.head.applied, now), next) {
+            (Some((_, pose)), Some(_)) if self.head.time < pose.time => self.advance(pose.time),
+            (Some((place, pose)), _) => {
+                let report = self.apply(&pose);
+                if !pose.reported {
+                    self.poses.mark_reported(place);
+                    self.note(&pose, &report);
+                    observe(&report);
+                }
+            }
+            // Whole samples only: no step is split where no pose is.
+            (None, Some(sample)) if sample <= horizon => self.advance(sample),
+            _ => return false,
+        }
+        true
+    }
+
+    /// Moves the head to the next sample, or to `goal` if that comes first.
+    fn advance(&mut self, goal: f64) {
+        let next = self.head.next_sample;
+        let sample = self.samples.get(next).time;
+        let (gyro, force, length) = self.samples.interval(next);
+        let filter = self.filter_over(next, length);
+        let head = &mut self.head;
+        let until = if sample <= goal { sample } else { goal };
+        let dt = until - head.time;
+        if dt > 0.0 {
+            filter.predict(&mut head.state, &gyro, &force, dt.min(1.0));
+            head.time = until;
+            self.checkpoints.save(head);
+        }
+        if sample <= goal {
+            head.next_sample += 1;
+        }
+    }
+
+    /// The filter for the interval of a length before a sample.
+    pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
+        match (self.samples.get(number).modelled, length > GAP) {
+            (true, _) => self.model_filter,
+            (false, true) => self.gap_filter,
+            (false, false) => self.filter,
+        }
+    }
+
+    /// Gates a pose and corrects the head with what passes.
+    fn apply(&mut self, pose: &PoseEntry) -> PoseReport {
+        let derived = &self.derived;
+        let head = &mut self.head;
+        head.applied = pose.time;
+        let measured = self.params.imu_pose(derived, &pose.position, &pose.rotation);
+        let whole = head.state.pose_innovation(&measured.position_w, &measured.rotation_wi, &measured.noise);
+        let Some(whole) = whole else {
+            return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
+        };
+        let nis = whole.squared(6);
+        if nis <= derived.gate_pose {
+            head.state.apply(&whole);
+            (head.doubted, self.stale) = (f64::INFINITY, true);
+            return report(pose.time, Outcome::Accepted, nis, Some(&whole));
+        }
+        // Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
+        let arm_w = head.state.mean.rotation_wi * derived.arm_i;
+        let [_, _, rotation] = head.state.deviations();
+        let arm_noise = rotation * rotation * arm_w.norm_squared();
+        let variance = self.params.position_noise * self.params.position_noise + arm_noise;
+        let alone = head.state.position_innovation(&(pose.position - arm_w), variance);
+        let outcome = match alone {
+            Some(alone) if alone.squared(3) <= derived.gate_position => {
+                head.state.apply(&alone);
+                (head.doubted, self.stale) = (f64::INFINITY, true);
+                Outcome::PositionOnly
+            }
+            _ => {
+                head.doubted = head.doubted.min(pose.time);
+                if pose.time - head.doubted > self.params.reacquire_after {
+                    head.state.restart(&measured.position_w, &measured.rotation_wi, &REACQUIRED);
+                    (head.doubted, self.stale) = (f64::INFINITY, true);
+                    Outcome::Accepted
+                } else {
+                    Outcome::Rejected
+                }
+            }
+        };
+        report(pose.time, outcome, nis, Some(&whole))
+    }
+
+    /// Counts the outcome of a pose's first application.
+    fn note(&mut self, pose: &PoseEntry, report: &PoseReport) {
+        self.nis = report.nis / 6.0;
+        let bounded = report.nis.min(self.derived.gate_pose) / 6.0;
+        self.nis_mean += NIS_SHARE * (bounded - self.nis_mean);
+        let counts = &mut self.counts;
+        match report.outcome {
+            Outcome::Accepted => count(&mut counts.accepted),
+            Outcome::PositionOnly => count(&mut counts.position_only),
+            _ => count(&mut counts.rejected),
+        }
+        let [_, _, _, x, y, z] = report.innovation;
+        if report.outcome != Outcome::Accepted && x * x + y * y + z * z > RIGHT_ANGLE * RIGHT_ANGLE {
+            count(&mut counts.flipped);
+        }
+        if report.outcome == Outcome::Accepted && pose.time > self.newest_pose {
+            self.newest_pose = pose.time;
+        }
+        if report.outcome != Outcome::Rejected && pose.time > self.newest_position {
+            self.newest_position = pose.time;
+        }
+    }
+
+    /// Carries the head's mean on to the newest sample.
+    pub(super) fn refresh(&mut self) {
+        let (mut mean, mut time) = (self.head.state.mean, self.head.time);
+        for number in self.head.next_sample..self.samples.end() {
+            let (gyro, force, _) = self.samples.interval(number);
+            let end = self.samples.get(number).time;
+            mean = mean.advance(&gyro, &force, (end - time).clamp(0.0, 1.0));
+            time = end;
+        }
+        self.current = mean;
+        self.stale = false;
+    }
+
+    /// Low-passed derivative of the rate.
+    fn differentiate(&mut self, gyro_i: &Vector3, dt: f64) {
+        let rate = core::f64::consts::TAU * self.params.angular_acceleration_hz;
+        if dt == 0.0 || dt > GAP {
+            self.slow_rate_i = *gyro_i;
+        }
+        let off = gyro_i - self.slow_rate_i;
+        self.angular_acceleration_i = rate * off;
+        self.slow_rate_i += crate::filters::lag_fraction(rate, dt) * off;
+    }
+}
+
+fn count(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}
+
+fn report(time: f64, outcome: Outcome, nis: f64, innovation: Option<&Innovation<6>>) -> PoseReport {
+    let (innovation, deviation) = innovation.map_or(([0.0; 6], [0.0; 6]), |i| (i.residual, i.deviation));
+    PoseReport { time, outcome, nis, innovation, deviation }
+}

@@ -1,0 +1,145 @@
+//! What the estimator knows, at the centre of mass.
+
+use super::{Estimator, Health, Status};
+use crate::{
+    so3,
+    types::{RobotState, Vector3},
+    ukf::Covariance,
+};
+
+impl Estimator {
+    /// Whether a pose has started the estimator.
+    #[must_use]
+    pub fn is_initialized(&self) -> bool {
+        self.initialized
+    }
+
+    /// The constant latency that is taken off every pose's time, s.
+    #[must_use]
+    pub fn latency(&self) -> f64 {
+        self.params.latency
+    }
+
+    /// Time of the newest sample, s.
+    #[must_use]
+    pub fn time(&self) -> f64 {
+        self.now()
+    }
+
+    /// Pose and twist of the centre of mass at the newest sample.
+    #[must_use]
+    pub fn robot_state(&self) -> RobotState {
+        let p = &self.params;
+        let rotation_wr = self.current.rotation_wi * p.imu_rotation_ri.transpose();
+        let angular_velocity_r = p.imu_rotation_ri * self.rate_i();
+        RobotState {
+            position_w: self.current.position_w - rotation_wr * p.imu_position_r,
+            velocity_w: self.current.velocity_w - rotation_wr * angular_velocity_r.cross(&p.imu_position_r),
+            rotation_wr,
+            angular_velocity_r,
+        }
+    }
+
+    /// Rate at the newest sample without its bias.
+    fn rate_i(&self) -> Vector3 {
+        self.samples.newest().map_or(Vector3::zeros(), |s| s.gyro - self.current.gyro_bias_i)
+    }
+
+    /// Specific force at the centre of mass at the newest sample, m/s^2, robot
+    /// coordinates, without the bias and without what the lever arm adds.
+    #[must_use]
+    pub fn specific_force_r(&self) -> Vector3 {
+        let p = &self.params;
+        let force =
+            self.samples.newest().map_or(Vector3::zeros(), |s| s.force - self.current.accelerometer_bias_i);
+        let omega = p.imu_rotation_ri * self.rate_i();
+        let alpha = p.imu_rotation_ri * self.angular_acceleration_i;
+        let arm = p.imu_position_r;
+        p.imu_rotation_ri * force - alpha.cross(&arm) - omega.cross(&omega.cross(&arm))
+    }
+
+    /// Bias of the gyro, rad/s, IMU coordinates.
+    #[must_use]
+    pub fn gyro_bias(&self) -> Vector3 {
+        self.current.gyro_bias_i
+    }
+
+    /// Bias of the accelerometer, m/s^2, IMU coordinates.
+    #[must_use]
+    pub fn accelerometer_bias(&self) -> Vector3 {
+        self.current.accelerometer_bias_i
+    }
+
+    /// Covariance at the newest sample of (position (W) and velocity (W) of the
+    /// centre of mass, rotation (W), gyro bias, accelerometer bias).
+    ///
+    /// With late poses this carries the filter through the samples since the last one: up to 192
+    /// predictions. Not for every tick; [`health`](Self::health) is.
+    #[must_use]
+    pub fn covariance(&self) -> Covariance {
+        let mut copy = self.head;
+        let mut state = copy.state;
+        for number in copy.next_sample..self.samples.end() {
+            let (gyro, force, length) = self.samples.interval(number);
+            let end = self.samples.get(number).time;
+            let filter = self.filter_over(number, length);
+            if end > copy.time {
+                filter.predict(&mut state, &gyro, &force, (end - copy.time).min(1.0));
+                copy.time = end;
+            }
+        }
+        self.at_centre_of_mass(&state.covariance())
+    }
+
+    /// From the IMU to the centre of mass.
+    fn at_centre_of_mass(&self, covariance: &Covariance) -> Covariance {
+        let p = &self.params;
+        if p.imu_position_r == Vector3::zeros() {
+            return *covariance;
+        }
+        let rotation_wr = self.current.rotation_wi * p.imu_rotation_ri.transpose();
+        let omega = p.imu_rotation_ri * self.rate_i();
+        let mut map = Covariance::identity();
+        map.fixed_view_mut::<3, 3>(0, 6).copy_from(&so3::hat(&(rotation_wr * p.imu_position_r)));
+        map.fixed_view_mut::<3, 3>(3, 6)
+            .copy_from(&so3::hat(&(rotation_wr * omega.cross(&p.imu_position_r))));
+        map.fixed_view_mut::<3, 3>(3, 9)
+            .copy_from(&(-rotation_wr * so3::hat(&p.imu_position_r) * p.imu_rotation_ri));
+        map * covariance * map.transpose()
+    }
+
+    /// The health of the estimate.
+    #[must_use]
+    pub fn health(&self) -> Health {
+        let now = self.now();
+        let [position_deviation, velocity_deviation, rotation_deviation] = self.head.state.deviations();
+        let pose_age = now - self.newest_pose;
+        let status = if !self.initialized {
+            Status::Uninitialized
+        } else if position_deviation > self.params.lost_position
+            || rotation_deviation > self.params.lost_rotation
+        {
+            Status::Lost
+        } else if pose_age > self.params.coast_after {
+            Status::Coasting
+        } else {
+            Status::Tracking
+        };
+        Health {
+            status,
+            pose_age,
+            position_age: now - self.newest_position,
+            latency: self.latency,
+            latency_deviation: self.latency_deviation,
+            nis: self.nis,
+            nis_mean: self.nis_mean,
+            position_deviation,
+            velocity_deviation,
+            rotation_deviation,
+            lag: now - self.head.time,
+            at_rest: self.rest.at_rest(),
+            recoveries: self.head.state.recoveries(),
+            counts: self.counts,
+        }
+    }
+}
