@@ -32,6 +32,9 @@ use crate::{
 /// With its port gone in flight, the loop ends after this long: nothing it says reaches anyone, s.
 const LINK_GONE: f64 = 1.0;
 
+/// A start that was broken off is tried again as soon as its reason is gone, unless that takes longer, s.
+const REFUSED_FOR_GOOD: f64 = 3.0;
+
 /// How the loop ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum End {
@@ -200,14 +203,20 @@ impl ControlLoop {
             return end.then_some(End::LinkLost { in_flight: memory.took_off.is_some() });
         }
         if supervisor.phase() != Phase::Disarmed || supervisor.landed() {
+            memory.refused = None;
             return None;
+        }
+        if was_starting {
+            memory.refused = Some((memory.now, supervisor.refusals()));
         }
         if self.flight.no_vehicle() {
             Some(End::NoVehicle)
         } else if self.land.load(Ordering::Relaxed) {
             Some(End::Interrupted)
-        } else if was_starting {
-            Some(End::Refused(supervisor.refusals()))
+        } else if let Some((_, faults)) = memory.refused.filter(|(since, faults)| {
+            faults.contains(Fault::StartTimeout) || memory.now - since >= REFUSED_FOR_GOOD
+        }) {
+            Some(End::Refused(faults))
         } else if self.params.patience.is_some_and(|limit| memory.now - memory.begin >= limit) {
             Some(End::NotReady {
                 estimator: self.flight.start_refused(),
@@ -243,6 +252,8 @@ struct Memory {
     now: f64,
     took_off: Option<f64>,
     starting: bool,
+    /// When and why a start was broken off.
+    refused: Option<(f64, FaultSet)>,
     pose_seen: bool,
     gone: bool,
     gone_since: Option<f64>,
@@ -263,6 +274,7 @@ impl Memory {
             now: begin as f64 * 1e-9,
             took_off: None,
             starting: false,
+            refused: None,
             pose_seen: false,
             gone: false,
             gone_since: None,
