@@ -263,7 +263,7 @@ fn loss_does_not_make_outliers_credible() {
     let recording = recording(9, 4.0);
     let mut poses: Vec<_> =
         recording.poses.iter().filter(|p| !(2.0..2.5).contains(&p.time)).copied().collect();
-    let outliers = poses.iter_mut().filter(|p| (2.5..2.545).contains(&p.time));
+    let outliers = poses.iter_mut().filter(|p| (2.5..2.535).contains(&p.time));
     let count = outliers.map(|p| p.position_w.x += 0.8).count();
     let mut estimator = Estimator::new(params()).unwrap();
     let found = errors(&mut estimator, &recording, &poses);

@@ -29,6 +29,8 @@ const REACQUIRED: InitialDeviation = InitialDeviation {
 
 /// Past this a rotation contradicts the state because markers were swapped, rad.
 const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
+/// So many poses in a row, and no fewer, are believed against the state: an outlier after a loss is not.
+const REFUSALS: u32 = 5;
 /// Share of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
@@ -245,7 +247,7 @@ impl Estimator {
         let nis = whole.squared(6);
         if nis <= derived.gate_pose {
             head.state.apply(&whole);
-            (head.doubted, self.stale) = (f64::INFINITY, true);
+            (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
             return report(pose.time, Outcome::Accepted, nis, Some(&whole));
         }
         // Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
@@ -257,14 +259,15 @@ impl Estimator {
         let outcome = match alone {
             Some(alone) if alone.squared(3) <= derived.gate_position => {
                 head.state.apply(&alone);
-                (head.doubted, self.stale) = (f64::INFINITY, true);
+                (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
                 Outcome::PositionOnly
             }
             _ => {
-                head.doubted = head.doubted.min(pose.time);
-                if pose.time - head.doubted > self.params.reacquire_after {
+                head.refused = head.refused.saturating_add(1);
+                let long = pose.time - head.accepted > self.params.reacquire_after;
+                if long && head.refused >= REFUSALS {
                     head.state.restart(&measured.position_w, &measured.rotation_wi, &REACQUIRED);
-                    (head.doubted, self.stale) = (f64::INFINITY, true);
+                    (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
                     Outcome::Accepted
                 } else {
                     Outcome::Rejected

@@ -167,7 +167,8 @@ struct Checkpoint {
     time: f64,
     next_sample: u64,
     applied: f64,
-    doubted: f64,
+    accepted: f64,
+    refused: u32,
 }
 
 /// Past states of the filter, oldest first.
@@ -181,8 +182,14 @@ pub(super) struct Checkpoints {
 impl Checkpoints {
     /// None yet, spaced so that they cover `history` seconds.
     pub(super) fn new(history: f64) -> Self {
-        let none =
-            Checkpoint { state: PackedState::EMPTY, time: 0.0, next_sample: 0, applied: 0.0, doubted: 0.0 };
+        let none = Checkpoint {
+            state: PackedState::EMPTY,
+            time: 0.0,
+            next_sample: 0,
+            applied: 0.0,
+            accepted: 0.0,
+            refused: 0,
+        };
         Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
     }
 
@@ -211,7 +218,8 @@ impl Checkpoints {
                 time: head.time,
                 next_sample: head.next_sample,
                 applied: head.applied,
-                doubted: head.doubted,
+                accepted: head.accepted,
+                refused: head.refused,
             };
             self.len += 1;
         }
@@ -232,7 +240,8 @@ impl Checkpoints {
             time: found.time,
             next_sample: found.next_sample,
             applied: found.applied,
-            doubted: found.doubted,
+            accepted: found.accepted,
+            refused: found.refused,
         };
         self.len = before;
         true

@@ -57,8 +57,10 @@ struct Head {
     next_sample: u64,
     /// Time of the last pose that was considered.
     applied: f64,
-    /// Time of the first pose refused since one passed; infinite where none was.
-    doubted: f64,
+    /// Time of the last pose that passed.
+    accepted: f64,
+    /// Poses refused since.
+    refused: u32,
 }
 
 /// The estimator: parameters and state, of fixed size.
@@ -105,7 +107,7 @@ impl Estimator {
             filter: Ukf::new(params.process)?,
             gap_filter: Ukf::new(GAP_NOISE)?,
             model_filter: Ukf::new(MODEL_NOISE)?,
-            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, doubted: f64::INFINITY },
+            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0, refused: 0 },
             initialized: false,
             current: Navigation::ORIGIN,
             stale: false,
@@ -196,7 +198,8 @@ impl Estimator {
             time,
             next_sample: self.samples.first_after(time),
             applied: time,
-            doubted: f64::INFINITY,
+            accepted: time,
+            refused: 0,
         };
         self.initialized = true;
         self.poses.clear();

@@ -33,7 +33,7 @@ pub struct EstimatorParams {
     /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
     /// Negative where it is the IMU whose stamps are late.
     pub latency: f64,
-    /// Uninterrupted rejection after which a pose is believed against the state, s.
+    /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
     pub reacquire_after: f64,
     /// Age of the newest accepted pose at which the state counts as coasting, s.
     pub coast_after: f64,

@@ -38,7 +38,7 @@ section! {
         /// Constant latency taken off every pose's time, s; for capture systems that stamp on arrival.
         /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0,
-        /// Uninterrupted rejection after which a pose is believed against the state, s.
+        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
         reacquire_after: f64 = 0.3,
         /// Age of the newest accepted pose from which on the state counts as coasting, s.
         coast_after: f64 = 0.1,
