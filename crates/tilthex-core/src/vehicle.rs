@@ -423,7 +423,7 @@ pub(crate) mod tests {
         assert_eq!(tilt_hex().actuation(), Actuation::Pose);
         let collinear = with_axes(|_| Vector3::z(), 2.4e-5).unwrap();
         assert_eq!((collinear.rank(), collinear.actuation()), (4, Actuation::PositionAndHeading));
-        let tilt = |i: usize| so3::rot_x(if i % 2 == 0 { 0.3 } else { -0.3 }) * Vector3::z();
+        let tilt = |i: usize| so3::rot_x(if i.is_multiple_of(2) { 0.3 } else { -0.3 }) * Vector3::z();
         assert_eq!(with_axes(tilt, 2.4e-5).unwrap().actuation(), Actuation::PositionAndPartOfAttitude);
     }
 

@@ -7,6 +7,9 @@ use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
 use tilthex_rt::config::Config as Checked;
 
+/// A position, (3,), and a rotation, (3, 3).
+type Place<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
+
 /// A checked set-up: the vehicle, and the parameters of every block.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Config {
@@ -60,10 +63,7 @@ impl Config {
 
     /// Where the captured body sits on the robot: position, m, (3,), and rotation, (3, 3).
     #[getter]
-    fn captured_body<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    fn captured_body<'py>(&self, py: Python<'py>) -> PyResult<Place<'py>> {
         let params = self.checked.estimator_params().map_err(convert::config_error)?;
         let rotation = convert::array2(py, &params.body_rotation_rc)?;
         Ok((convert::array1(py, params.body_position_r.as_slice()), rotation))
