@@ -27,7 +27,7 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
     """
     wanted = list(topics)
     rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in wanted}
-    with _opened(path) as reader:
+    with opened(path) as reader:
         for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
             rows[channel.topic].append((message.log_time * 1e-9, decoded))
     for topic, messages in rows.items():
@@ -42,7 +42,7 @@ def configuration(path: str | Path) -> str:
     Raises:
         ValueError: There is none.
     """
-    with _opened(path) as reader:
+    with opened(path) as reader:
         for attachment in reader.iter_attachments():
             if attachment.name == "config.toml":
                 text: str = attachment.data.decode()
@@ -56,7 +56,8 @@ def flying(phase: Vector) -> NDArray[np.bool_]:
 
 
 @contextmanager
-def _opened(path: str | Path) -> Iterator[Any]:
+def opened(path: str | Path) -> Iterator[Any]:
+    """The reader of an MCAP log, its protobuf messages decoded."""
     try:
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
