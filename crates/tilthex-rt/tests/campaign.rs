@@ -47,7 +47,7 @@ fn faults_are_seen_and_answered_as_the_table_says() {
         (Kind::CaptureLost, 1.0, Fault::PoseLostLong, Reaction::Land),
         (Kind::ImuFrozen, 2.0, Fault::ImuFrozen, Reaction::Land),
         (Kind::Stopped, 0.1, Fault::OverrunLong, Reaction::Hold),
-        (Kind::Unplugged, 2.0, Fault::LinkLost, Reaction::Descend),
+        (Kind::Unplugged, 60.0, Fault::LinkLost, Reaction::Descend),
         (Kind::DiskFull, 2.0, Fault::LogLost, Reaction::Note),
         (Kind::Reboot, 0.1, Fault::ImuSilent, Reaction::Land),
     ] {

@@ -1,9 +1,14 @@
-//! The ground under the simulated vehicle: four feet with springs, dampers and friction.
+//! The ground under the simulated vehicle: four feet, and the outline of the body for one that
+//! lies on it otherwise, with springs, dampers and friction.
 
 use tilthex_core::{RobotState, Vector3, Wrench};
 
 /// Half the distance between neighbouring feet, m.
 const STANCE: f64 = 0.3;
+/// Half the width of the body, m.
+const BODY: f64 = 0.4;
+/// Height of its top over the centre of mass, m.
+const TOP: f64 = 0.1;
 /// Stiffness of a foot, N/m.
 const STIFFNESS: f64 = 3000.0;
 /// Damping of a foot, N s/m.
@@ -27,6 +32,22 @@ impl Ground {
         state.position_w.z < self.leg + STANCE + 0.1
     }
 
+    /// Where the vehicle may touch the ground, from the centre of mass, R.
+    fn contacts(&self) -> [Vector3; 9] {
+        let (s, l, b) = (STANCE, -self.leg, BODY);
+        [
+            Vector3::new(s, s, l),
+            Vector3::new(s, -s, l),
+            Vector3::new(-s, s, l),
+            Vector3::new(-s, -s, l),
+            Vector3::new(b, 0.0, 0.0),
+            Vector3::new(-b, 0.0, 0.0),
+            Vector3::new(0.0, b, 0.0),
+            Vector3::new(0.0, -b, 0.0),
+            Vector3::new(0.0, 0.0, TOP),
+        ]
+    }
+
     /// What the ground exerts on the vehicle: force W, torque R about the centre of mass.
     #[must_use]
     pub fn wrench(&self, state: &RobotState) -> Wrench {
@@ -34,8 +55,7 @@ impl Ground {
         if !self.is_near(state) {
             return total;
         }
-        for (x, y) in [(1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)] {
-            let arm_r = Vector3::new(x * STANCE, y * STANCE, -self.leg);
+        for arm_r in self.contacts() {
             let foot = state.position_w + state.rotation_wr * arm_r;
             if foot.z >= 0.0 {
                 continue;
