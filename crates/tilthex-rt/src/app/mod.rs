@@ -9,13 +9,14 @@ pub use args::Args;
 
 use crate::{
     Failure, campaign,
+    config::Config,
     doctor::{self, Verdict},
     failure, replay,
 };
 use args::Action;
 
 /// Failures of a campaign that are shown one by one.
-const SHOWN_FAILURES: usize = 40;
+const SHOWN_FAILURES: usize = 400;
 
 /// Runs the program.
 ///
@@ -55,20 +56,32 @@ pub fn run() -> Result<(), Failure> {
                 ))),
             }
         }
-        Some(Action::Campaign { number, seed }) => {
-            let summary = campaign::run(&args.config()?, *number, *seed)?;
-            print!("{}", summary.table());
-            let failures = summary.failures();
-            for failure in failures.iter().take(SHOWN_FAILURES) {
-                println!("failed: {failure}");
-            }
-            match failures.first() {
-                None => Ok(()),
-                Some(first) => Err(Failure::fault(format!(
-                    "{} of {number} faulty flights failed, the first: {first}",
-                    failures.len()
-                ))),
-            }
+        Some(Action::Campaign { number, seed }) => fly_campaign(&args.config()?, *number, *seed),
+    }
+}
+
+/// Many faulty flights and their table; of a single one, its story.
+fn fly_campaign(config: &Config, number: u64, seed: u64) -> Result<(), Failure> {
+    if number == 1 {
+        let (outcome, story) = campaign::again(config, seed)?;
+        for injection in &outcome.injections {
+            println!("{}: {injection:?}", injection.kind.text());
         }
+        print!("{story}");
+        println!("worst error {:.3} m, touch-down {:.2} m/s", outcome.deviation, outcome.impact);
+        return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
+    }
+    let summary = campaign::run(config, number, seed)?;
+    print!("{}", summary.table());
+    let failures = summary.failures();
+    for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {
+        println!("failed: seed {seed}: {failure}");
+    }
+    match failures.first_key_value() {
+        None => Ok(()),
+        Some((seed, first)) => Err(Failure::fault(format!(
+            "{} of {number} faulty flights failed, the first is seed {seed} (--number 1 --seed {seed} tells its story): {first}",
+            failures.len()
+        ))),
     }
 }

@@ -5,6 +5,7 @@
 //! reaction that the table of faults does not list, and on a fly-away.
 
 pub mod faults;
+mod story;
 pub mod world;
 
 use std::{
@@ -26,6 +27,7 @@ use tilthex_core::{
 
 pub use faults::{Injection, Kind};
 pub use world::World;
+use story::Story;
 
 use crate::{
     Failure,
@@ -69,7 +71,17 @@ pub struct Outcome {
 
 /// Flies one flight with its faults.
 #[must_use]
-pub fn fly(mut world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
+pub fn fly(world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
+    fly_seen(world, injections, seed, &mut |_| ())
+}
+
+/// [`fly`], and `see` looks at the world after every period.
+fn fly_seen(
+    mut world: World,
+    injections: Vec<Injection>,
+    seed: u64,
+    see: &mut dyn FnMut(&World),
+) -> Outcome {
     world.inject(injections.clone(), seed);
     let mut judge = Judge::new(&world, injections);
     let begin = world.now();
@@ -79,6 +91,7 @@ pub fn fly(mut world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
             judge.look(&world);
         }
         judge.watch(&world);
+        see(&world);
         if world.flight.on_mission() {
             on_mission_for += 0.002;
         }
@@ -221,19 +234,22 @@ struct Tally {
     deviation: f64,
     hard: u64,
     not_ended: u64,
-    failures: Vec<String>,
+    failed: u64,
 }
 
 /// The figures of a campaign.
 #[derive(Clone, Debug, Default)]
 pub struct Summary {
     tallies: BTreeMap<Kind, Tally>,
-    flights: u64,
+    failures: BTreeMap<u64, String>,
 }
 
 impl Summary {
     fn add(&mut self, seed: u64, outcome: &Outcome) {
-        self.flights += 1;
+        if let Some(failure) = &outcome.failure {
+            let kinds: Vec<_> = outcome.injections.iter().map(|i| format!("{:?}", i.kind)).collect();
+            self.failures.insert(seed, format!("{}: {failure}", kinds.join(" and ")));
+        }
         for injection in &outcome.injections {
             let tally = self.tallies.entry(injection.kind).or_default();
             tally.flights += 1;
@@ -250,17 +266,14 @@ impl Summary {
             tally.deviation = tally.deviation.max(outcome.deviation);
             tally.hard += u64::from(outcome.impact > HARD);
             tally.not_ended += u64::from(!outcome.ended);
-            tally.failures.extend(outcome.failure.iter().map(|f| format!("seed {seed}: {f}")));
+            tally.failed += u64::from(outcome.failure.is_some());
         }
     }
 
-    /// How many flights failed, by what was done to them.
+    /// What went wrong in the flights that failed, by their seeds.
     #[must_use]
-    pub fn failures(&self) -> Vec<String> {
-        let of = |(kind, tally): (&Kind, &Tally)| {
-            tally.failures.iter().map(move |f| format!("{kind:?}: {f}")).collect::<Vec<_>>()
-        };
-        self.tallies.iter().flat_map(of).collect()
+    pub fn failures(&self) -> &BTreeMap<u64, String> {
+        &self.failures
     }
 
     /// The table.
@@ -279,7 +292,7 @@ impl Summary {
                 t.deviation,
                 t.hard,
                 t.not_ended,
-                t.failures.len()
+                t.failed
             );
         }
         for (kind, t) in &self.tallies {
@@ -329,7 +342,7 @@ pub fn run(config: &Config, count: u64, first: u64) -> Result<Summary, Failure> 
             if seed >= first + count {
                 return;
             }
-            let outcome = one(params, &hovering, seed);
+            let outcome = one(params, &hovering, seed, &mut |_| ());
             summary.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &outcome);
         }
     };
@@ -342,8 +355,19 @@ pub fn run(config: &Config, count: u64, first: u64) -> Result<Summary, Failure> 
     Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
+/// Flies the flight of one seed again and tells its story.
+///
+/// # Errors
+/// Where the set-up can not fly even without faults.
+pub fn again(config: &Config, seed: u64) -> Result<(Outcome, String), Failure> {
+    let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
+    let mut story = Story::default();
+    let outcome = one(params, &hover(params)?, seed, &mut |world| story.see(world));
+    Ok((outcome, story.text()))
+}
+
 /// The flight of one seed.
-fn one(params: FlightParams, hovering: &World, seed: u64) -> Outcome {
+fn one(params: FlightParams, hovering: &World, seed: u64, see: &mut dyn FnMut(&World)) -> Outcome {
     let mut random = Random::new(seed);
     let whole = seed.is_multiple_of(WHOLE_EVERY);
     let window = if whole { WHOLE_WINDOW } else { WINDOW };
@@ -351,7 +375,7 @@ fn one(params: FlightParams, hovering: &World, seed: u64) -> Outcome {
     let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, window)).collect();
     let flown = catch_unwind(AssertUnwindSafe(|| {
         let world = if whole { ground(params, seed).ok()? } else { hovering.clone() };
-        Some(fly(world, injections.clone(), seed))
+        Some(fly_seen(world, injections.clone(), seed, see))
     }));
     flown.ok().flatten().unwrap_or_else(|| Outcome {
         injections,
