@@ -5,7 +5,7 @@ use crate::{
     Error, GRAVITY, Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, centre_of_mass_reference},
     allocation::{Allocation, Allocator, AllocatorParams, AllocatorState, RotorStatus},
-    attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
+    attitude::{Attitude, AttitudeParams, AttitudeSelector, AttitudeState},
     bias::BiasEstimator,
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone},
@@ -88,6 +88,8 @@ pub struct ControllerInput {
     pub learn_bias: bool,
     /// Bit `i` is set where rotor `i` (from 0) is lost: it counts as standing still.
     pub lost_rotors: u16,
+    /// Whether the reference's attitude is flown as it is, whatever lateral force that leaves.
+    pub fixed_attitude: bool,
 }
 
 /// The command, and all that led to it.
@@ -157,6 +159,17 @@ impl Controller {
         self.admittance = filter;
     }
 
+    /// Whether the vehicle can hover level and at rest without some rotors: bit `i` of `lost` is rotor `i`.
+    #[must_use]
+    pub fn hovers_without(&self, lost: u16) -> bool {
+        let weight = Vector6::new(0.0, 0.0, self.vehicle.mass() * GRAVITY, 0.0, 0.0, 0.0);
+        let rotors = RotorStatus { lost, ..RotorStatus::default() };
+        let found = self.allocator.step(&mut AllocatorState::default(), &weight, &rotors);
+        // Lateral force is a matter of attitude.
+        let [roll_pitch, vertical, yaw, _lateral] = found.shortfall;
+        roll_pitch.max(vertical).max(yaw) < 1e-3 * weight[2]
+    }
+
     /// One tick: `dt` is the measured time since the last, s.
     pub fn step(&self, state: &mut ControllerState, input: &ControllerInput, dt: f64) -> ControllerOutput {
         let robot = &input.state;
@@ -189,7 +202,12 @@ impl Controller {
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);
         let force_w = self.wanted_force(&self.pose.step(robot, &full), &observed);
-        let attitude = self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt);
+        let attitude = if input.fixed_attitude {
+            state.attitude = AttitudeState::default();
+            Attitude { reference: full, force_w }
+        } else {
+            self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt)
+        };
         let robot_reference = attitude.reference;
         let pose = self.pose.step(robot, &robot_reference);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;

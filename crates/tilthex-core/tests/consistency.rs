@@ -222,6 +222,7 @@ fn fly(seed: u64, trouble: &Trouble, tally: &mut Tally) {
             compliant: false,
             learn_bias: false,
             lost_rotors: 0,
+            fixed_attitude: false,
         };
         let out = controller.step(&mut memory, &input, PERIOD);
         plant.step(&mut state, &out.rotor_speeds, &Wrench::ZERO, PERIOD);

@@ -84,6 +84,7 @@ impl Loop {
             compliant: true,
             learn_bias: false,
             lost_rotors: 0,
+            fixed_attitude: false,
         };
         let out = self.controller.step(&mut self.memory, &input, PERIOD);
         for _ in 0..2 {

@@ -5,7 +5,8 @@
 use proptest::{collection::vec, prelude::*};
 use tilthex_core::link::{Gate, GateParams, Verdict};
 
-const PARAMS: GateParams<2> = GateParams { min: [-10.0; 2], max: [10.0; 2], jump: [1.0, 2.0], patience: 3 };
+const PARAMS: GateParams<2> =
+    GateParams { min: [-10.0; 2], max: [10.0; 2], jump: [1.0, 2.0], patience: 3, longest: 5 };
 
 fn gate() -> Gate<2> {
     Gate::new(PARAMS).unwrap()
@@ -23,6 +24,15 @@ fn a_spike_is_refused_and_a_step_is_believed() {
     assert_eq!(gate.step(&[5.1, 10.1], 0), Verdict::OutOfRange);
     let counters = gate.counters();
     assert_eq!((counters.passed, counters.jumps, counters.out_of_range), (3, 4, 2));
+}
+
+#[test]
+fn a_stream_that_shakes_is_not_refused_for_long() {
+    let mut gate = gate();
+    gate.step(&[0.0, 0.0], 0);
+    let passed =
+        (1..=60).filter(|i| gate.step(&[if i % 2 == 0 { 8.0 } else { -8.0 }, 0.0], 0) == Verdict::Pass);
+    assert_eq!(passed.count(), 10);
 }
 
 #[test]

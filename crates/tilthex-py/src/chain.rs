@@ -121,6 +121,7 @@ impl Loop {
             compliant,
             learn_bias,
             lost_rotors: 0,
+            fixed_attitude: false,
         };
         self.control(py, time, &input)
     }
@@ -158,6 +159,7 @@ impl Loop {
             compliant,
             learn_bias,
             lost_rotors: 0,
+            fixed_attitude: false,
         };
         self.control(py, time, &input)
     }

@@ -72,6 +72,7 @@ impl Controller {
             compliant,
             learn_bias,
             lost_rotors: convert::rotor_set("lost_rotors", lost_rotors, count)?,
+            fixed_attitude: false,
         };
         let output = self.block.step(&mut self.state, &input, convert::period(dt)?);
         Ok(Output { output, count })

@@ -31,6 +31,7 @@ fn tick(c: &mut Criterion) {
         compliant: true,
         learn_bias: false,
         lost_rotors: 0,
+        fixed_attitude: false,
     };
     let mut state = ControllerState::default();
     c.bench_function("controller tick", |b| {

@@ -144,6 +144,7 @@ pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
             compliant: true,
             learn_bias: false,
             lost_rotors: 0,
+            fixed_attitude: false,
         };
         let output = controller.step(&mut controller_state, &input, PERIOD);
 

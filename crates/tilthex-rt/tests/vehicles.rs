@@ -61,6 +61,7 @@ impl Flight {
             compliant: true,
             learn_bias: false,
             lost_rotors: self.lost,
+            fixed_attitude: false,
         };
         let out = self.controller.step(&mut self.memory, &input, PERIOD);
         let mut command = out.rotor_speeds;

@@ -3,11 +3,13 @@
 use super::{
     Estimator, Outcome, POSITION_LIMIT, PoseReport, STEPS_PER_TICK,
     history::{ImuEntry, PoseEntry},
+    params::ImuPose,
+    trust::Agreement,
 };
 use crate::{
     so3,
     types::{PoseSample, Vector3},
-    ukf::{InitialDeviation, Innovation, Ukf},
+    ukf::{Innovation, Navigation, Ukf},
 };
 use libm::fabs;
 
@@ -17,20 +19,8 @@ const FORCE_LIMIT: f64 = 1e3;
 /// An interval between samples above this is a gap, s.
 const GAP: f64 = 0.02;
 
-/// Deviations after a pose has been believed against the state: a jump of the
-/// pose is no motion, so the velocity stays, but may have been what was wrong.
-const REACQUIRED: InitialDeviation = InitialDeviation {
-    position: 0.02,
-    velocity: 0.3,
-    rotation: 0.05,
-    gyro_bias: 0.03,
-    accelerometer_bias: 0.2,
-};
-
 /// Past this a rotation contradicts the state because markers were swapped, rad.
 const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
-/// So many poses in a row, and no fewer, are believed against the state: an outlier after a loss is not.
-const REFUSALS: u32 = 5;
 /// Share of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
@@ -236,45 +226,82 @@ impl Estimator {
 
     /// Gates a pose and corrects the head with what passes.
     fn apply(&mut self, pose: &PoseEntry) -> PoseReport {
-        let derived = &self.derived;
-        let head = &mut self.head;
-        head.applied = pose.time;
-        let measured = self.params.imu_pose(derived, &pose.position, &pose.rotation);
-        let whole = head.state.pose_innovation(&measured.position_w, &measured.rotation_wi, &measured.noise);
-        let Some(whole) = whole else {
+        self.head.applied = pose.time;
+        let measured = self.params.imu_pose(&self.derived, &pose.position, &pose.rotation);
+        let Some(whole) = self.innovation(&measured, 1.0) else {
             return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
         };
         let nis = whole.squared(6);
-        if nis <= derived.gate_pose {
-            head.state.apply(&whole);
-            (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
-            return report(pose.time, Outcome::Accepted, nis, Some(&whole));
-        }
-        // Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
-        let arm_w = head.state.mean.rotation_wi * derived.arm_i;
-        let [_, _, rotation] = head.state.deviations();
-        let arm_noise = rotation * rotation * arm_w.norm_squared();
-        let variance = self.params.position_noise * self.params.position_noise + arm_noise;
-        let alone = head.state.position_innovation(&(pose.position - arm_w), variance);
-        let outcome = match alone {
-            Some(alone) if alone.squared(3) <= derived.gate_position => {
-                head.state.apply(&alone);
-                (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
-                Outcome::PositionOnly
-            }
-            _ => {
-                head.refused = head.refused.saturating_add(1);
-                let long = pose.time - head.accepted > self.params.reacquire_after;
-                if long && head.refused >= REFUSALS {
-                    head.state.restart(&measured.position_w, &measured.rotation_wi, &REACQUIRED);
-                    (head.accepted, head.refused, self.stale) = (pose.time, 0, true);
-                    Outcome::Accepted
-                } else {
-                    Outcome::Rejected
-                }
-            }
+        let outcome = if self.pass(pose.time, &measured, nis) {
+            Outcome::Accepted
+        } else if self.pass_position(pose) {
+            Outcome::PositionOnly
+        } else {
+            self.contradict(pose.time, &measured, &whole)
         };
+        self.stale |= outcome != Outcome::Rejected;
         report(pose.time, outcome, nis, Some(&whole))
+    }
+
+    /// What a pose of the IMU tells beyond the head, `noise` times as noisy as configured.
+    fn innovation(&self, measured: &ImuPose, noise: f64) -> Option<Innovation<6>> {
+        let noise = measured.noise.scaled(noise);
+        self.head.state.pose_innovation(&measured.position_w, &measured.rotation_wi, &noise)
+    }
+
+    /// Applies a pose that passes the gate, as noisy as poses have lately been.
+    fn pass(&mut self, time: f64, measured: &ImuPose, nis: f64) -> bool {
+        let trusted = self.innovation(measured, self.head.trust.noise);
+        let Some(passing) = trusted.filter(|i| i.squared(6) <= self.derived.gate_pose) else { return false };
+        self.head.state.apply(&passing);
+        self.head.trust.accept(time, nis / 6.0);
+        true
+    }
+
+    /// Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
+    fn pass_position(&mut self, pose: &PoseEntry) -> bool {
+        let head = &mut self.head;
+        let arm_w = head.state.mean.rotation_wi * self.derived.arm_i;
+        let [_, _, rotation] = head.state.deviations();
+        let noise = head.trust.noise * self.params.position_noise;
+        let variance = noise * noise + rotation * rotation * arm_w.norm_squared();
+        let alone = head.state.position_innovation(&(pose.position - arm_w), variance);
+        let Some(passing) = alone.filter(|i| i.squared(3) <= self.derived.gate_position) else {
+            return false;
+        };
+        head.state.apply(&passing);
+        // Its rotation tells nothing of the noise.
+        head.trust.accept(pose.time, head.trust.noise * head.trust.noise);
+        true
+    }
+
+    /// A pose that did not pass: where those before it did not either, they may be noisier
+    /// than configured, or right.
+    fn contradict(&mut self, time: f64, measured: &ImuPose, innovation: &Innovation<6>) -> Outcome {
+        let noise = (self.params.position_noise, self.params.rotation_noise);
+        let trust = &mut self.head.trust;
+        let long = time - trust.accepted > self.params.reacquire_after;
+        let agreement = trust.refuse(time, &innovation.residual, noise);
+        let Some(agreement) = agreement.filter(Agreement::is_credible) else { return Outcome::Rejected };
+        if agreement.noise > trust.noise {
+            trust.noise = agreement.noise;
+            if self.pass(time, measured, agreement.noise * agreement.noise) {
+                return Outcome::Accepted;
+            }
+        }
+        if !long {
+            return Outcome::Rejected;
+        }
+        let before = self.head.state.mean;
+        let mean = Navigation {
+            position_w: before.position_w + agreement.position,
+            velocity_w: before.velocity_w + agreement.velocity,
+            rotation_wi: so3::exp(&agreement.rotation) * before.rotation_wi,
+            ..before
+        };
+        self.head.state.restart(mean, &agreement.deviation);
+        self.head.trust.accept(time, agreement.noise * agreement.noise);
+        Outcome::Accepted
     }
 
     /// Counts the outcome of a pose's first application.

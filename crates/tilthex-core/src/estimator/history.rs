@@ -1,6 +1,6 @@
 //! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
 
-use super::Head;
+use super::{Head, trust::Trust};
 use crate::{
     types::{Matrix3, Vector3},
     ukf::PackedState,
@@ -11,7 +11,7 @@ const SAMPLES: u64 = 192;
 /// Poses kept: 0.3 s at 130 Hz.
 const POSES: usize = 40;
 /// Checkpoints kept.
-const CHECKPOINTS: usize = 10;
+const CHECKPOINTS: usize = 9;
 
 /// One inertial sample, IMU coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -167,8 +167,7 @@ struct Checkpoint {
     time: f64,
     next_sample: u64,
     applied: f64,
-    accepted: f64,
-    refused: u32,
+    trust: Trust,
 }
 
 /// Past states of the filter, oldest first.
@@ -187,8 +186,7 @@ impl Checkpoints {
             time: 0.0,
             next_sample: 0,
             applied: 0.0,
-            accepted: 0.0,
-            refused: 0,
+            trust: Trust::since(0.0),
         };
         Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
     }
@@ -218,8 +216,7 @@ impl Checkpoints {
                 time: head.time,
                 next_sample: head.next_sample,
                 applied: head.applied,
-                accepted: head.accepted,
-                refused: head.refused,
+                trust: head.trust,
             };
             self.len += 1;
         }
@@ -240,8 +237,7 @@ impl Checkpoints {
             time: found.time,
             next_sample: found.next_sample,
             applied: found.applied,
-            accepted: found.accepted,
-            refused: found.refused,
+            trust: found.trust,
         };
         self.len = before;
         true

@@ -20,6 +20,7 @@ mod history;
 mod output;
 mod params;
 mod rest;
+mod trust;
 
 pub use health::{Counts, Health, Outcome, PoseReport, Status};
 pub use params::EstimatorParams;
@@ -34,6 +35,7 @@ use history::{Checkpoints, ImuHistory, PoseQueue};
 use libm::sqrt;
 use params::Derived;
 use rest::RestDetector;
+use trust::Trust;
 
 /// Most filter steps between two inertial samples.
 pub const STEPS_PER_TICK: u32 = 8;
@@ -57,10 +59,7 @@ struct Head {
     next_sample: u64,
     /// Time of the last pose that was considered.
     applied: f64,
-    /// Time of the last pose that passed.
-    accepted: f64,
-    /// Poses refused since.
-    refused: u32,
+    trust: Trust,
 }
 
 /// The estimator: parameters and state, of fixed size.
@@ -107,7 +106,7 @@ impl Estimator {
             filter: Ukf::new(params.process)?,
             gap_filter: Ukf::new(GAP_NOISE)?,
             model_filter: Ukf::new(MODEL_NOISE)?,
-            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, accepted: 0.0, refused: 0 },
+            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, trust: Trust::since(0.0) },
             initialized: false,
             current: Navigation::ORIGIN,
             stale: false,
@@ -198,8 +197,7 @@ impl Estimator {
             time,
             next_sample: self.samples.first_after(time),
             applied: time,
-            accepted: time,
-            refused: 0,
+            trust: Trust::since(time),
         };
         self.initialized = true;
         self.poses.clear();

@@ -29,6 +29,9 @@ const SLOW_DOWN: f64 = 0.5;
 /// A landing reaches its speed of descent within this time, s.
 const SINK_IN: f64 = 1.0;
 
+/// Speed of the descent without a rotor that it takes to hover, m/s.
+const ADRIFT_SPEED: f64 = 1.0;
+
 /// The descent of a landing, which goes on until the ground is felt: where the
 /// ground is in the world is not relied on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -195,8 +198,15 @@ impl Guidance {
         self.hover_time = 0.0;
     }
 
-    /// The set-point of this tick.
-    pub(super) fn step(&mut self, phase: Phase, robot: &RobotState, tool: &Mounting, dt: f64) -> Guided {
+    /// The set-point of this tick; `adrift` where the vehicle can not hover with the rotors it has left.
+    pub(super) fn step(
+        &mut self,
+        phase: Phase,
+        adrift: bool,
+        robot: &RobotState,
+        tool: &Mounting,
+        dt: f64,
+    ) -> Guided {
         let stopped = phase == Phase::Holding;
         let change = dt / SLOW_DOWN;
         let rate = if stopped { self.rate - change } else { self.rate + change };
@@ -209,7 +219,8 @@ impl Guidance {
             self.stage = Stage::Mission;
         }
         if phase == Phase::Emergency {
-            return Guided { setpoint: self.descend(robot, tool), compliant: false, learn_bias: false };
+            let speed = if adrift { ADRIFT_SPEED } else { self.params.landing_speed };
+            return Guided { setpoint: descend(robot, tool, speed), compliant: false, learn_bias: false };
         }
         let mut setpoint = self.sample();
         // A clock that runs at `rate` scales velocities, and its change adds to the acceleration.
@@ -250,13 +261,6 @@ impl Guidance {
         setpoint
     }
 
-    /// Level where it is, sinking: no position is asked for.
-    fn descend(&self, robot: &RobotState, tool: &Mounting) -> Setpoint {
-        let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
-        let sinking = Vector3::new(0.0, 0.0, -self.params.landing_speed);
-        Setpoint { velocity_w: sinking, ..Setpoint::hold(w.position_w, w.rotation_we) }
-    }
-
     fn fly(&mut self, from: Waypoint, way: &[Waypoint], limits: &Limits) {
         // Way-points from a finite state and validated limits; otherwise stay.
         self.trajectory = Trajectory::new(from, way, limits)
@@ -264,6 +268,13 @@ impl Guidance {
         self.time = 0.0;
         self.rate = 1.0;
     }
+}
+
+/// Level where it is, sinking: neither a position nor a heading is asked for.
+fn descend(robot: &RobotState, tool: &Mounting, speed: f64) -> Setpoint {
+    let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
+    let sinking = Vector3::new(0.0, 0.0, -speed);
+    Setpoint { velocity_w: sinking, ..Setpoint::hold(w.position_w, w.rotation_we) }
 }
 
 /// The same heading, level: body x stays in its vertical plane.

@@ -11,6 +11,7 @@ mod io;
 mod record;
 mod rotors;
 mod session;
+mod touchdown;
 mod watch;
 
 pub use guidance::GuidanceParams;
@@ -33,6 +34,7 @@ use crate::{
 use guidance::Guidance;
 use rotors::{RotorModel, modelled_imu};
 use session::Session;
+use touchdown::Touchdown;
 use watch::Watch;
 
 /// The parts of a flight's configuration.
@@ -64,10 +66,6 @@ const RAMP_END: f64 = 0.95;
 const LONGEST_STEP: f64 = 0.1;
 /// The estimate is corrected by more than this, m and rad, in a tick: a jump.
 const JUMP: (f64, f64) = (0.03, 0.03);
-/// A rotor slower than this stands still, Hz.
-const STANDSTILL: f64 = 5.0;
-/// Share of the weight that the ground must carry, and for how long, s, to be stood on.
-const TOUCHDOWN: (f64, f64) = (0.3, 0.2);
 
 /// A flight, from the first byte to the motors' stop.
 #[derive(Clone, Debug)]
@@ -95,7 +93,10 @@ pub struct Flight {
     time: Option<f64>,
     tick: u64,
     ramp: f64,
-    on_ground: f64,
+    touchdown: Touchdown,
+    /// Rotors that are lost, a bit each, and whether the vehicle can not hover without them.
+    lost: u16,
+    adrift: bool,
 }
 
 impl Flight {
@@ -133,7 +134,9 @@ impl Flight {
             time: None,
             tick: 0,
             ramp: 0.0,
-            on_ground: 0.0,
+            touchdown: Touchdown::default(),
+            lost: 0,
+            adrift: false,
             params,
         })
     }
@@ -193,13 +196,13 @@ impl Flight {
         let dt = period.min(LONGEST_STEP);
         out.clear();
         self.session.receive(input.bytes, now);
-        self.rotor_model.step(&self.command, dt);
+        self.rotor_model.step(&self.command, !input.host.link_lost, period);
         let rotor_speeds = self.rotor_model.speeds(self.session.motors(), now);
         let before = self.estimator.robot_state();
         self.estimate(input, &rotor_speeds, dt);
         self.absorb_jump(&before, dt);
         self.obey(input.command);
-        self.supervise(input, period, dt);
+        self.supervise(input, &rotor_speeds, period, dt);
         self.control(&rotor_speeds, dt);
         self.send(now, out);
         self.record(input, period, &rotor_speeds, out);
@@ -278,8 +281,9 @@ impl Flight {
         }
     }
 
-    fn supervise(&mut self, input: &TickInput<'_>, period: f64, dt: f64) {
+    fn supervise(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
         let before = self.supervisor.phase();
+        let stopped = self.rotor_model.stopped(self.session.motors(), input.time);
         let mut conditions = self.watch.conditions(
             &watch::Seen {
                 now: input.time,
@@ -288,6 +292,7 @@ impl Flight {
                 session: &self.session,
                 estimator: &self.estimator,
                 output: self.output.as_ref(),
+                stopped,
                 wrong_speeds: self.rotor_model.wrong_speeds(self.session.motors(), input.time),
                 host: input.host,
             },
@@ -297,16 +302,18 @@ impl Flight {
         conditions.insert_if(Fault::SetpointJump, self.setpoint_refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
         conditions.insert_if(Fault::NotFinite, self.not_finite);
+        conditions.insert_if(Fault::RotorLost, self.adrift);
         let facts = Facts {
             link_ready: self.session.ready(input.time),
             estimate_ready: self.estimator.is_initialized(),
             all_spinning: self.session.all_spinning(),
             ramp_done: self.ramp >= RAMP,
-            touchdown: self.touchdown(before, dt),
+            touchdown: self.touchdown(rotor_speeds, input.time, dt),
             take_off: self.take_off,
             kill: self.kill,
         };
         let phase = self.supervisor.step(conditions, &facts, dt);
+        self.lose_rotors(stopped);
         if phase != before {
             self.change(before, phase);
         }
@@ -343,23 +350,29 @@ impl Flight {
             Phase::Disarmed => {
                 self.take_off = self.take_off && !self.supervisor.landed();
                 self.output = None;
-                self.on_ground = 0.0;
             }
             Phase::Flying | Phase::Holding => {}
         }
     }
 
-    /// Whether the ground has carried its share of the weight for long enough.
-    fn touchdown(&mut self, phase: Phase, dt: f64) -> bool {
-        let (share, time) = TOUCHDOWN;
-        let weight = self.params.vehicle.mass() * crate::GRAVITY;
+    /// Whether the ground carries the vehicle, by the last tick's forces.
+    fn touchdown(&mut self, rotor_speeds: &RotorVector, now: f64, dt: f64) -> bool {
+        let descends = matches!(self.supervisor.phase(), Phase::Landing | Phase::Emergency);
+        let Some(output) = self.output.as_ref().filter(|_| descends) else {
+            self.touchdown = Touchdown::default();
+            return false;
+        };
         let robot = self.estimator.robot_state();
-        let carried = robot.rotation_wr * -self.control.bias_r.force + self.control.observer.wrench.force;
-        let still = robot.velocity_w.norm() < 0.3;
-        let stands =
-            matches!(phase, Phase::Landing | Phase::Emergency) && carried.z > share * weight && still;
-        self.on_ground = if stands { self.on_ground + dt } else { 0.0 };
-        self.on_ground > time
+        let bias_w = robot.rotation_wr * self.control.bias_r.force;
+        let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
+        let weight = self.params.vehicle.mass() * crate::GRAVITY;
+        let seen = touchdown::Seen {
+            missing: weight - (thrust_w + bias_w).z,
+            observed_w: (self.session.imu_age(now) < IMU_LATE).then(|| output.wrench_robot.force - bias_w),
+            velocity: robot.velocity_w.norm(),
+            toppled: self.supervisor.active().contains(Fault::Tilt),
+        };
+        self.touchdown.step(&seen, weight, dt)
     }
 
     fn control(&mut self, rotor_speeds: &RotorVector, dt: f64) {
@@ -377,7 +390,7 @@ impl Flight {
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 let robot = self.estimator.robot_state();
-                let guided = self.guidance.step(phase, &robot, self.params.vehicle.tool(), dt);
+                let guided = self.guidance.step(phase, self.adrift, &robot, self.params.vehicle.tool(), dt);
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.estimator.specific_force_r(),
@@ -385,7 +398,8 @@ impl Flight {
                     setpoint: guided.setpoint,
                     compliant: guided.compliant,
                     learn_bias: guided.learn_bias,
-                    lost_rotors: self.lost_rotors(),
+                    lost_rotors: self.lost,
+                    fixed_attitude: phase == Phase::Emergency,
                 };
                 let output = self.controller.step(&mut self.control, &input, dt);
                 if self.accept(&output.rotor_speeds) {
@@ -404,15 +418,17 @@ impl Flight {
     }
 
     /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
-    fn lost_rotors(&self) -> u16 {
+    fn lose_rotors(&mut self, stopped: u16) {
         let active = self.supervisor.active();
-        let motor_faults = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::MotorWrongSpeed];
-        if !motor_faults.iter().any(|fault| active.contains(*fault)) {
-            return 0;
-        }
-        let lost = |m: &session::Motor| m.emergency || !m.spinning || m.speed.abs() < STANDSTILL;
+        let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning].iter().any(|f| active.contains(*f));
+        let silent = |m: &session::Motor| m.emergency || !m.spinning;
         let bits = self.session.motors().iter().enumerate();
-        bits.fold(0, |set, (i, m)| if lost(m) { set | 1 << i } else { set })
+        let found = bits.fold(stopped, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
+        let lost = if counted && self.supervisor.phase().in_flight() { found } else { 0 };
+        if lost != self.lost {
+            self.lost = lost;
+            self.adrift = lost != 0 && !self.controller.hovers_without(lost);
+        }
     }
 
     /// Takes a command that is finite, cut to the rotors' limits; keeps the last one otherwise.
@@ -440,55 +456,5 @@ impl Flight {
             }
         }
         self.session.talk(now, out);
-    }
-
-    fn record(&self, input: &TickInput<'_>, period: f64, rotor_speeds: &RotorVector, out: &mut TickOutput) {
-        let mut raw = RawInput { time: input.time, host: input.host, ..Record::default().raw };
-        raw.command = input.command.is_some();
-        for (slot, byte) in raw.bytes.iter_mut().zip(input.bytes) {
-            *slot = *byte;
-        }
-        raw.byte_count = input.bytes.len().min(MAX_BYTES_IN) as u16;
-        for (slot, pose) in raw.poses.iter_mut().zip(input.poses) {
-            *slot = *pose;
-        }
-        raw.pose_count = input.poses.len().min(MAX_POSES) as u8;
-        let mut record = Record { tick: self.tick, dt: period, raw, ..Record::default() };
-        record.phase = self.supervisor.phase();
-        record.faults = self.supervisor.active();
-        let estimator = &self.estimator;
-        record.state = estimator.robot_state();
-        record.gyro_bias_i = estimator.gyro_bias();
-        record.accelerometer_bias_i = estimator.accelerometer_bias();
-        record.specific_force_r = estimator.specific_force_r();
-        let health = estimator.health();
-        record.deviation = [health.position_deviation, health.velocity_deviation, health.rotation_deviation];
-        record.innovation = health.nis;
-        record.pose_age = health.position_age;
-        record.latency = health.latency;
-        if let Some(o) = &self.output {
-            record.setpoint = o.setpoint;
-            record.reference = o.reference;
-            record.wrench_robot = o.wrench_robot;
-            record.wrench_tool_w = o.wrench_tool_w;
-            record.wrench_admittance_w = o.wrench_admittance_w;
-            record.position_error_w = o.pose.position_error_w;
-            record.rotation_error_r = o.pose.rotation_error_r;
-            record.compliant = o.compliant;
-            record.saturated = o.allocation.saturated;
-            record.excursion_limited = o.excursion_limited;
-        }
-        record.rotor_command = self.command;
-        record.rotor_speeds = *rotor_speeds;
-        record.current = self.session.motors().iter().map(|m| m.current).sum();
-        record.battery = self.session.battery().unwrap_or(f64::NAN);
-        record.counters = self.watch.counters(&self.session);
-        record.imu_samples = self.session.samples().len() as u8;
-        record.text = self.session.text();
-        for (slot, byte) in record.sent.iter_mut().zip(out.bytes()) {
-            *slot = *byte;
-        }
-        record.sent_count = out.bytes().len() as u8;
-        out.record = record;
     }
 }

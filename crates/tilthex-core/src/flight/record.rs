@@ -1,6 +1,9 @@
 //! Everything a tick took in and did, of fixed size: for the log, for replay, for the report after a fault.
 
-use super::io::{HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES};
+use super::{
+    Flight,
+    io::{HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, TickInput, TickOutput},
+};
 use crate::{
     link::tk3::{Severity, Text},
     supervisor::{FaultSet, Phase},
@@ -187,5 +190,64 @@ impl Record {
     #[must_use]
     pub fn sent(&self) -> &[u8] {
         self.sent.get(..usize::from(self.sent_count)).unwrap_or(&[])
+    }
+}
+
+impl Flight {
+    /// Writes down the tick.
+    pub(super) fn record(
+        &self,
+        input: &TickInput<'_>,
+        period: f64,
+        rotor_speeds: &RotorVector,
+        out: &mut TickOutput,
+    ) {
+        let mut raw = RawInput { time: input.time, host: input.host, ..Record::default().raw };
+        raw.command = input.command.is_some();
+        for (slot, byte) in raw.bytes.iter_mut().zip(input.bytes) {
+            *slot = *byte;
+        }
+        raw.byte_count = input.bytes.len().min(MAX_BYTES_IN) as u16;
+        for (slot, pose) in raw.poses.iter_mut().zip(input.poses) {
+            *slot = *pose;
+        }
+        raw.pose_count = input.poses.len().min(MAX_POSES) as u8;
+        let mut record = Record { tick: self.tick, dt: period, raw, ..Record::default() };
+        record.phase = self.supervisor.phase();
+        record.faults = self.supervisor.active();
+        let estimator = &self.estimator;
+        record.state = estimator.robot_state();
+        record.gyro_bias_i = estimator.gyro_bias();
+        record.accelerometer_bias_i = estimator.accelerometer_bias();
+        record.specific_force_r = estimator.specific_force_r();
+        let health = estimator.health();
+        record.deviation = [health.position_deviation, health.velocity_deviation, health.rotation_deviation];
+        record.innovation = health.nis;
+        record.pose_age = health.position_age;
+        record.latency = health.latency;
+        if let Some(o) = &self.output {
+            record.setpoint = o.setpoint;
+            record.reference = o.reference;
+            record.wrench_robot = o.wrench_robot;
+            record.wrench_tool_w = o.wrench_tool_w;
+            record.wrench_admittance_w = o.wrench_admittance_w;
+            record.position_error_w = o.pose.position_error_w;
+            record.rotation_error_r = o.pose.rotation_error_r;
+            record.compliant = o.compliant;
+            record.saturated = o.allocation.saturated;
+            record.excursion_limited = o.excursion_limited;
+        }
+        record.rotor_command = self.command;
+        record.rotor_speeds = *rotor_speeds;
+        record.current = self.session.motors().iter().map(|m| m.current).sum();
+        record.battery = self.session.battery().unwrap_or(f64::NAN);
+        record.counters = self.watch.counters(&self.session);
+        record.imu_samples = self.session.samples().len() as u8;
+        record.text = self.session.text();
+        for (slot, byte) in record.sent.iter_mut().zip(out.bytes()) {
+            *slot = *byte;
+        }
+        record.sent_count = out.bytes().len() as u8;
+        out.record = record;
     }
 }

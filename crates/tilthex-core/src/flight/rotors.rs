@@ -8,16 +8,25 @@ use crate::{
     plant::ImuSample,
     types::{RobotState, RotorVector, Vector3, Wrench},
 };
+use libm::fabs;
 
 /// Measurements older than this are replaced by the model, s.
 pub(super) const STALE: f64 = 0.1;
 /// A motor this far from the model does not follow, Hz.
 const WRONG_SPEED: f64 = 12.0;
+/// Slower than this part of the model, where that is fast enough to tell (Hz), a motor has stopped.
+const STOPPED: (f64, f64) = (0.5, 10.0);
+/// So long after the last command the vehicle takes its rotors to their lowest speeds, s (tk3.md).
+const WATCHDOG: f64 = 0.5;
 
 /// The commanded speeds behind each rotor's lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RotorModel {
     rate: f64,
+    lowest: RotorVector,
+    /// The last command that can have reached the vehicle, and for how long none has.
+    reached: RotorVector,
+    unreached: f64,
     expected: RotorVector,
 }
 
@@ -26,12 +35,26 @@ impl RotorModel {
     #[must_use]
     pub(super) fn new(vehicle: &Vehicle) -> Self {
         let constant = vehicle.rotor_time_constant();
-        Self { rate: if constant > 0.0 { 1.0 / constant } else { 1e4 }, expected: RotorVector::zeros() }
+        let zero = RotorVector::zeros();
+        let mut lowest = zero;
+        for (slot, rotor) in lowest.iter_mut().zip(vehicle.rotors()) {
+            *slot = rotor.min_speed;
+        }
+        let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
+        Self { rate, lowest, reached: zero, unreached: 0.0, expected: zero }
     }
 
-    /// Moves on by `dt` seconds of a command, Hz.
-    pub(super) fn step(&mut self, command: &RotorVector, dt: f64) {
-        self.expected += (command - self.expected) * lag_fraction(self.rate, dt);
+    /// Moves on by `dt` seconds of a command, Hz; without a line none reaches the vehicle.
+    pub(super) fn step(&mut self, command: &RotorVector, line: bool, dt: f64) {
+        if line {
+            (self.reached, self.unreached) = (*command, 0.0);
+        } else {
+            self.unreached += dt;
+            if self.unreached > WATCHDOG {
+                self.reached = self.reached.inf(&self.lowest);
+            }
+        }
+        self.expected += (self.reached - self.expected) * lag_fraction(self.rate, dt);
     }
 
     /// Measured speeds, Hz, with the model in the place of stale ones.
@@ -47,10 +70,27 @@ impl RotorModel {
     /// How many motors are measured far from the model.
     #[must_use]
     pub(super) fn wrong_speeds(&self, motors: &[Motor], now: f64) -> usize {
-        let wrong = |(motor, expected): &(&Motor, &f64)| {
-            now - motor.heard <= STALE && libm::fabs(motor.speed - **expected) > WRONG_SPEED
-        };
-        motors.iter().zip(self.expected.iter()).filter(wrong).count()
+        self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED).count_ones()
+            as usize
+    }
+
+    /// Bit `i` is set where motor `i` (from 0) has stopped. If half of them have, it is
+    /// the commands that do not arrive.
+    #[must_use]
+    pub(super) fn stopped(&self, motors: &[Motor], now: f64) -> u16 {
+        let (part, fast) = STOPPED;
+        let stopped = self.where_measured(motors, now, |speed, expected| {
+            fabs(expected) > fast && fabs(speed) < part * fabs(expected)
+        });
+        if 2 * stopped.count_ones() as usize >= motors.len() { 0 } else { stopped }
+    }
+
+    fn where_measured(&self, motors: &[Motor], now: f64, is: impl Fn(f64, f64) -> bool) -> u16 {
+        let pairs = motors.iter().zip(self.expected.iter()).enumerate();
+        pairs.fold(0, |set, (i, (motor, expected))| {
+            let fresh = now - motor.heard <= STALE;
+            if fresh && is(motor.speed, *expected) { set | 1 << i } else { set }
+        })
     }
 }
 

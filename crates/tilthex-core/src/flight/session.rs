@@ -48,6 +48,8 @@ const IMU_JUMP: (f64, f64) = (3.0, 40.0);
 const MOTOR_JUMP: f64 = 40.0;
 /// A jump is believed after so many samples that agree with it.
 const PATIENCE: u8 = 4;
+/// No more inertial samples than these are refused in a row for their jumps: an impact shakes.
+const MOST_REFUSED: u8 = 2;
 
 /// An inertial sample in IMU coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,9 +128,15 @@ impl Session {
         let (rate, force) = IMU_JUMP;
         let (max, jump) =
             ([100.0, 100.0, 100.0, 400.0, 400.0, 400.0], [rate, rate, rate, force, force, force]);
-        let imu_gate = GateParams { min: max.map(|x| -x), max, jump, patience: PATIENCE };
-        let motor_gate =
-            Gate::new(GateParams { min: [-1e3], max: [1e3], jump: [MOTOR_JUMP], patience: PATIENCE })?;
+        let imu_gate =
+            GateParams { min: max.map(|x| -x), max, jump, patience: PATIENCE, longest: MOST_REFUSED };
+        let motor_gate = Gate::new(GateParams {
+            min: [-1e3],
+            max: [1e3],
+            jump: [MOTOR_JUMP],
+            patience: PATIENCE,
+            longest: PATIENCE,
+        })?;
         let long_ago = -1e9;
         let motor = Motor {
             heard: long_ago,

@@ -47,6 +47,8 @@ pub(super) struct Seen<'a> {
     pub(super) output: Option<&'a ControllerOutput>,
     /// Motors measured far from the model.
     pub(super) wrong_speeds: usize,
+    /// Bit `i` is set where motor `i` has stopped, by its speed.
+    pub(super) stopped: u16,
     /// What only the host can see.
     pub(super) host: HostFacts,
 }
@@ -161,7 +163,7 @@ impl Watch {
         set.insert_if(Fault::MotorsSilent, known && age > 1.0);
         // Before the start the bit is cleared by the start command itself.
         set.insert_if(Fault::MotorEmergency, running && s.motors().iter().any(|m| m.emergency));
-        set.insert_if(Fault::MotorNotSpinning, running && !s.all_spinning());
+        set.insert_if(Fault::MotorNotSpinning, running && (!s.all_spinning() || seen.stopped != 0));
         set.insert_if(Fault::MotorWrongSpeed, running && seen.wrong_speeds > 0);
         let half = s.motors().len().div_ceil(2);
         set.insert_if(Fault::CommandNotFollowed, running && seen.wrong_speeds >= half);

@@ -15,6 +15,9 @@ pub struct GateParams<const N: usize> {
     pub jump: [f64; N],
     /// A jump is believed once so many samples in a row agree with it.
     pub patience: u8,
+    /// Nor are more than so many samples in a row refused for their jumps: a stream
+    /// that shakes, as in an impact, agrees with nothing, and what it says still counts.
+    pub longest: u8,
 }
 
 /// What a gate says of a sample.
@@ -46,6 +49,7 @@ pub struct Gate<const N: usize> {
     last: Option<[f64; N]>,
     /// The newest sample after a jump, and how many in a row agree with it.
     candidate: Option<([f64; N], u8)>,
+    refused_in_a_row: u8,
     counters: GateCounters,
 }
 
@@ -67,7 +71,13 @@ impl<const N: usize> Gate<N> {
                 });
             }
         }
-        Ok(Self { params, last: None, candidate: None, counters: GateCounters::default() })
+        Ok(Self {
+            params,
+            last: None,
+            candidate: None,
+            refused_in_a_row: 0,
+            counters: GateCounters::default(),
+        })
     }
 
     /// Judges a sample; `lost` samples between it and the last one widen the allowed jump.
@@ -87,11 +97,12 @@ impl<const N: usize> Gate<N> {
             Some((before, agreeing)) if self.near(&before, sample, steps) => agreeing.saturating_add(1),
             _ => 1,
         };
-        if agreeing > self.params.patience {
+        if agreeing > self.params.patience || self.refused_in_a_row >= self.params.longest {
             self.pass(sample);
             return Verdict::Pass;
         }
         self.candidate = Some((*sample, agreeing));
+        self.refused_in_a_row = self.refused_in_a_row.saturating_add(1);
         bump(&mut self.counters.jumps);
         Verdict::Jump
     }
@@ -100,6 +111,7 @@ impl<const N: usize> Gate<N> {
     pub fn forget(&mut self) {
         self.last = None;
         self.candidate = None;
+        self.refused_in_a_row = 0;
     }
 
     /// Counts so far.
@@ -115,6 +127,7 @@ impl<const N: usize> Gate<N> {
     fn pass(&mut self, sample: &[f64; N]) {
         self.last = Some(*sample);
         self.candidate = None;
+        self.refused_in_a_row = 0;
         bump(&mut self.counters.passed);
     }
 }

@@ -255,8 +255,7 @@ impl UkfState {
 
     /// Takes a pose for its own, with independent errors of the given
     /// deviations; velocity and biases keep their values.
-    pub fn restart(&mut self, position_w: &Vector3, rotation_wi: &Matrix3, deviation: &InitialDeviation) {
-        let mean = Navigation { position_w: *position_w, rotation_wi: *rotation_wi, ..self.mean };
+    pub fn restart(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         *self = Self { recoveries: self.recoveries, ..Self::new(mean, deviation) };
     }
 
@@ -425,6 +424,12 @@ impl PoseNoise {
             }
         }
         Self(noise)
+    }
+
+    /// With deviations `factor` times as large.
+    #[must_use]
+    pub fn scaled(&self, factor: f64) -> Self {
+        Self(self.0.map(|row| row.map(|x| x * factor * factor)))
     }
 }
 

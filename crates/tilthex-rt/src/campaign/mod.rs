@@ -26,8 +26,8 @@ use tilthex_core::{
 };
 
 pub use faults::{Injection, Kind};
-pub use world::World;
 use story::Story;
+pub use world::World;
 
 use crate::{
     Failure,
@@ -76,12 +76,7 @@ pub fn fly(world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
 }
 
 /// [`fly`], and `see` looks at the world after every period.
-fn fly_seen(
-    mut world: World,
-    injections: Vec<Injection>,
-    seed: u64,
-    see: &mut dyn FnMut(&World),
-) -> Outcome {
+fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut dyn FnMut(&World)) -> Outcome {
     world.inject(injections.clone(), seed);
     let mut judge = Judge::new(&world, injections);
     let begin = world.now();

@@ -1,0 +1,137 @@
+//! How far poses are believed: those that contradict the state may be right
+//! (they agree with each other), or noisier than was configured (they do not).
+
+use crate::{types::Vector3, ukf::InitialDeviation};
+use libm::sqrt;
+
+/// So many refused poses in a row are judged together; fewer never: an outlier after a loss is no beginning.
+const REFUSALS: usize = 5;
+/// Poses this many times as noisy as configured say nothing.
+const MOST_NOISE: f64 = 100.0;
+/// Share of an accepted pose in what is thought of the noise.
+const NOISE_SHARE: f64 = 0.05;
+/// Deviations after poses have been believed against the state, at the least.
+const REACQUIRED: InitialDeviation = InitialDeviation {
+    position: 0.02,
+    velocity: 0.3,
+    rotation: 0.05,
+    gyro_bias: 0.03,
+    accelerometer_bias: 0.2,
+};
+
+/// A refused pose: when it was taken, and what it says beyond the state (position m, rotation rad; W).
+/// Single precision: every checkpoint keeps some.
+#[derive(Clone, Copy, Debug)]
+struct Refused {
+    time: f64,
+    position: [f32; 3],
+    rotation: [f32; 3],
+}
+
+impl Refused {
+    fn position(&self) -> Vector3 {
+        Vector3::from(self.position.map(f64::from))
+    }
+
+    fn rotation(&self) -> Vector3 {
+        Vector3::from(self.rotation.map(f64::from))
+    }
+}
+
+/// What has been learnt of the poses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Trust {
+    /// Time of the last pose that passed, s.
+    pub(super) accepted: f64,
+    /// Noise of the poses by what is configured, from 1 on.
+    pub(super) noise: f64,
+    /// The last that were refused, a ring, and how many there have been in a row.
+    refused: [Refused; REFUSALS],
+    in_a_row: u32,
+}
+
+/// What poses that were refused in a row say together: a line through what they say beyond the state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Agreement {
+    /// At the newest of them: position m, velocity m/s, rotation rad; W.
+    pub(super) position: Vector3,
+    pub(super) velocity: Vector3,
+    pub(super) rotation: Vector3,
+    /// Their noise by what is configured, from 1 on.
+    pub(super) noise: f64,
+    /// What is known of the state once it has been moved by that.
+    pub(super) deviation: InitialDeviation,
+}
+
+impl Trust {
+    /// After a pose of that time that is believed.
+    pub(super) const fn since(accepted: f64) -> Self {
+        let none = Refused { time: 0.0, position: [0.0; 3], rotation: [0.0; 3] };
+        Self { accepted, noise: 1.0, refused: [none; REFUSALS], in_a_row: 0 }
+    }
+
+    /// A pose passed; `nis` is its normalised innovation squared over its degrees of freedom, as configured.
+    pub(super) fn accept(&mut self, time: f64, nis: f64) {
+        let variance = self.noise * self.noise;
+        let toward = variance + NOISE_SHARE * (nis - variance);
+        self.noise = sqrt(toward.max(1.0)).min(MOST_NOISE);
+        (self.accepted, self.in_a_row) = (time, 0);
+    }
+
+    /// A pose did not pass: what it says beyond the state. What it and those before it say together, where they are enough.
+    pub(super) fn refuse(
+        &mut self,
+        time: f64,
+        innovation: &[f64; 6],
+        (position_noise, rotation_noise): (f64, f64),
+    ) -> Option<Agreement> {
+        let [x, y, z, a, b, c] = innovation.map(|entry| entry as f32);
+        let newest = Refused { time, position: [x, y, z], rotation: [a, b, c] };
+        self.refused.rotate_left(1);
+        if let Some(slot) = self.refused.last_mut() {
+            *slot = newest;
+        }
+        self.in_a_row = self.in_a_row.saturating_add(1);
+        (self.in_a_row as usize >= REFUSALS).then(|| self.agreement(time, position_noise, rotation_noise))
+    }
+
+    fn agreement(&self, newest: f64, position_noise: f64, rotation_noise: f64) -> Agreement {
+        let n = REFUSALS as f64;
+        let mean = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.position()) / n;
+        let rotation = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.rotation()) / n;
+        let middle = self.refused.iter().map(|r| r.time).sum::<f64>() / n;
+        let (mut spread, mut moment) = (1e-9, Vector3::zeros());
+        for r in &self.refused {
+            spread += (r.time - middle) * (r.time - middle);
+            moment += (r.position() - mean) * (r.time - middle);
+        }
+        let velocity = moment / spread;
+        let off = |r: &Refused| r.position() - mean - velocity * (r.time - middle);
+        let squares = self.refused.iter().map(|r| off(r).norm_squared()).sum::<f64>();
+        let turns = self.refused.iter().map(|r| (r.rotation() - rotation).norm_squared()).sum::<f64>();
+        // Three axes, less the two ends of a line, or a mean.
+        let position_scatter = sqrt(squares / (3.0 * (n - 2.0)));
+        let rotation_scatter = sqrt(turns / (3.0 * (n - 1.0)));
+        let noise = (position_scatter / position_noise).max(rotation_scatter / rotation_noise).max(1.0);
+        let least = REACQUIRED;
+        Agreement {
+            position: mean + velocity * (newest - middle),
+            velocity,
+            rotation,
+            noise,
+            deviation: InitialDeviation {
+                position: least.position.max(2.0 * position_scatter),
+                velocity: least.velocity.max(position_scatter / sqrt(spread)),
+                rotation: least.rotation.max(rotation_scatter),
+                ..least
+            },
+        }
+    }
+}
+
+impl Agreement {
+    /// Whether the poses say anything at all.
+    pub(super) fn is_credible(&self) -> bool {
+        self.noise <= MOST_NOISE
+    }
+}
