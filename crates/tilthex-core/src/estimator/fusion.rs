@@ -279,8 +279,10 @@ impl Estimator {
     /// than configured, or right.
     fn contradict(&mut self, time: f64, measured: &ImuPose, innovation: &Innovation<6>) -> Outcome {
         let noise = (self.params.position_noise, self.params.rotation_noise);
+        // A model has less to say against poses than an IMU.
+        let modelled = self.head.next_sample > 0 && self.samples.get(self.head.next_sample - 1).modelled;
         let trust = &mut self.head.trust;
-        let long = time - trust.accepted > self.params.reacquire_after;
+        let long = modelled || time - trust.accepted > self.params.reacquire_after;
         let agreement = trust.refuse(time, &innovation.residual, noise);
         let Some(agreement) = agreement.filter(Agreement::is_credible) else { return Outcome::Rejected };
         if agreement.noise > trust.noise {

@@ -29,6 +29,8 @@ const SLOW_DOWN: f64 = 0.5;
 /// A landing reaches its speed of descent within this time, s.
 const SINK_IN: f64 = 1.0;
 
+/// Times of the way back from a detour: to the place, and to the speed, s.
+const WAY_BACK: (f64, f64) = (1.0, 0.5);
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 const ADRIFT_SPEED: f64 = 1.0;
 
@@ -47,6 +49,26 @@ impl Sink {
         self.rate = if faster < landing_speed { landing_speed / SINK_IN } else { 0.0 };
         self.speed = faster.min(landing_speed);
         self.depth += self.speed * dt;
+    }
+}
+
+/// How far set-points are moved from where they were asked for: a capture system that jumps
+/// moves the world, and what follows is a flight back at the usual speed, not a leap.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Detour {
+    offset_w: Vector3,
+    velocity_w: Vector3,
+    acceleration_w: Vector3,
+}
+
+impl Detour {
+    fn step(&mut self, fastest: f64, back: bool, dt: f64) {
+        // Second order, damping ratio 0.7, cut to the fastest.
+        let back_w = if back { -self.offset_w / WAY_BACK.0 } else { Vector3::zeros() };
+        let wanted_w = back_w * (fastest / back_w.norm().max(fastest));
+        self.acceleration_w = (wanted_w - self.velocity_w) / WAY_BACK.1;
+        self.velocity_w += self.acceleration_w * dt;
+        self.offset_w += self.velocity_w * dt;
     }
 }
 
@@ -74,6 +96,7 @@ pub(super) struct Guidance {
     followed_age: f64,
     wrench_w: Option<Wrench>,
     sink: Sink,
+    detour: Detour,
 }
 
 /// The set-point of a tick.
@@ -103,6 +126,7 @@ impl Guidance {
             followed_age: 0.0,
             wrench_w: None,
             sink: Sink::default(),
+            detour: Detour::default(),
         }
     }
 
@@ -133,6 +157,7 @@ impl Guidance {
         let limits = self.params.limits;
         self.fly(here, &[above], &limits);
         self.stage = Stage::TakeOff;
+        self.detour = Detour::default();
         self.hover_time = 0.0;
     }
 
@@ -149,6 +174,7 @@ impl Guidance {
         self.fly(start, &[tool_waypoint(robot_w, &level(&rotation_wr), tool)], &limits);
         self.stage = Stage::Land;
         self.sink = Sink::default();
+        self.detour = Detour::default();
         self.wrench_w = None;
     }
 
@@ -191,6 +217,11 @@ impl Guidance {
     /// The wrench to exert in place of the trajectory's.
     pub(super) fn set_wrench(&mut self, wrench_w: Option<Wrench>) {
         self.wrench_w = wrench_w;
+    }
+
+    /// Moves the set-points with a world that has jumped by `by_w`, m.
+    pub(super) fn shift(&mut self, by_w: Vector3) {
+        self.detour.offset_w += by_w;
     }
 
     /// Learns the bias once more.
@@ -238,6 +269,10 @@ impl Guidance {
             setpoint.velocity_w.z -= self.sink.speed;
             setpoint.acceleration_w.z -= self.sink.rate;
         }
+        self.detour.step(self.params.limits.velocity, self.stage != Stage::Land, dt);
+        setpoint.position_w += self.detour.offset_w;
+        setpoint.velocity_w += self.detour.velocity_w;
+        setpoint.acceleration_w += self.detour.acceleration_w;
         let hovering = self.stage == Stage::Mission && phase == Phase::Flying;
         let learn_bias = hovering && self.hover_time < self.params.bias_time;
         if hovering {

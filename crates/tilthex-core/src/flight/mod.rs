@@ -234,8 +234,8 @@ impl Flight {
         }
     }
 
-    /// A correction of the estimate is no motion: the reference takes part in
-    /// it, and the admittance filter's spring leads it back to the set-point.
+    /// A correction of the estimate is no motion: reference and set-point take part in
+    /// it, and fly back from there. A turn is left to the admittance filter's spring.
     fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
         let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {
             return;
@@ -249,10 +249,13 @@ impl Flight {
             return;
         }
         let r = &mut output.reference;
-        r.position_w = now.position_w + turn * (r.position_w - expected_w);
+        let moved_w = now.position_w + turn * (r.position_w - expected_w) - r.position_w;
+        r.position_w += moved_w;
         r.rotation_we = turn * r.rotation_we;
         r.velocity_w = turn * r.velocity_w;
         r.angular_velocity_w = turn * r.angular_velocity_w;
+        output.setpoint.position_w += moved_w;
+        self.guidance.shift(moved_w);
         self.control.admittance = AdmittanceState::at(r, &output.setpoint);
         self.control.observer.forget_sample();
     }

@@ -47,6 +47,8 @@ const WHOLE_WINDOW: f64 = 14.0;
 const MISSION: f64 = 7.0;
 /// A flight that has not ended by then is not watched any longer, s.
 const LONGEST: f64 = 45.0;
+/// Ticks after the motors' stop before it is said whether the vehicle stands.
+const SETTLING: usize = 250;
 /// One flight in so many is flown from power-on.
 const WHOLE_EVERY: u64 = 4;
 
@@ -94,6 +96,10 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
         if judge.outcome.failure.is_some() || judge.done(&world) {
             break;
         }
+    }
+    // Legs that lose the last thrust give way a little.
+    for _ in 0..SETTLING {
+        world.tick(None);
     }
     judge.outcome.ended = !judge.flew || (world.flight.finished() && world.simulation.stands());
     judge.outcome
