@@ -121,6 +121,15 @@ pub struct ControllerOutput {
     pub excursion_limited: bool,
 }
 
+impl ControllerOutput {
+    /// The external wrench at the centre of mass without the bias: force and torque in R.
+    #[must_use]
+    pub fn contact(&self, robot: &RobotState, bias_r: &Wrench) -> Wrench {
+        let force_r = robot.rotation_wr.transpose() * self.wrench_robot.force;
+        Wrench { force: force_r - bias_r.force, torque: self.wrench_robot.torque - bias_r.torque }
+    }
+}
+
 impl Controller {
     /// Combines the blocks for one vehicle.
     ///

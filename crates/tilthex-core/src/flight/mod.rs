@@ -11,6 +11,7 @@ mod io;
 mod record;
 mod rotors;
 mod session;
+mod thrust;
 mod touchdown;
 mod watch;
 
@@ -34,6 +35,7 @@ use crate::{
 use guidance::Guidance;
 use rotors::{RotorModel, modelled_imu};
 use session::Session;
+use thrust::ThrustWatch;
 use touchdown::Touchdown;
 use watch::Watch;
 
@@ -94,7 +96,9 @@ pub struct Flight {
     tick: u64,
     ramp: f64,
     touchdown: Touchdown,
-    /// Rotors that are lost, a bit each, and whether the vehicle can not hover without them.
+    thrust: ThrustWatch,
+    /// Rotors without thrust, and all that are lost, a bit each, and whether the vehicle can not hover without them.
+    without_thrust: u16,
     lost: u16,
     adrift: bool,
 }
@@ -135,6 +139,8 @@ impl Flight {
             tick: 0,
             ramp: 0.0,
             touchdown: Touchdown::default(),
+            thrust: ThrustWatch::default(),
+            without_thrust: 0,
             lost: 0,
             adrift: false,
             params,
@@ -286,7 +292,11 @@ impl Flight {
 
     fn supervise(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
         let before = self.supervisor.phase();
-        let stopped = self.rotor_model.stopped(self.session.motors(), input.time);
+        let motors = self.session.motors();
+        let stopped = self.rotor_model.stopped(motors, input.time);
+        let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
+        let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);
+        self.rotor_model.adapt(motors, input.time, wrong && stopped == 0, dt);
         let mut conditions = self.watch.conditions(
             &watch::Seen {
                 now: input.time,
@@ -296,7 +306,7 @@ impl Flight {
                 estimator: &self.estimator,
                 output: self.output.as_ref(),
                 stopped,
-                wrong_speeds: self.rotor_model.wrong_speeds(self.session.motors(), input.time),
+                wrong_speeds,
                 host: input.host,
             },
             dt,
@@ -305,6 +315,7 @@ impl Flight {
         conditions.insert_if(Fault::SetpointJump, self.setpoint_refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
         conditions.insert_if(Fault::NotFinite, self.not_finite);
+        conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         let facts = Facts {
             link_ready: self.session.ready(input.time),
@@ -405,7 +416,13 @@ impl Flight {
                     fixed_attitude: phase == Phase::Emergency,
                 };
                 let output = self.controller.step(&mut self.control, &input, dt);
-                if self.accept(&output.rotor_speeds) {
+                if self.accept(&self.rotor_model.made_up(&output.rotor_speeds)) {
+                    self.without_thrust = self.thrust.step(
+                        &self.params.vehicle,
+                        rotor_speeds,
+                        &output.contact(&robot, &self.control.bias_r),
+                        dt,
+                    );
                     self.output = Some(output);
                 } else {
                     // Whatever is not finite must not stay in the memory of the laws.
@@ -423,10 +440,13 @@ impl Flight {
     /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
     fn lose_rotors(&mut self, stopped: u16) {
         let active = self.supervisor.active();
-        let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning].iter().any(|f| active.contains(*f));
+        let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::ThrustLost]
+            .iter()
+            .any(|f| active.contains(*f));
         let silent = |m: &session::Motor| m.emergency || !m.spinning;
         let bits = self.session.motors().iter().enumerate();
-        let found = bits.fold(stopped, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
+        let found = bits
+            .fold(stopped | self.without_thrust, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
         let lost = if counted && self.supervisor.phase().in_flight() { found } else { 0 };
         if lost != self.lost {
             self.lost = lost;

@@ -18,6 +18,8 @@ const WRONG_SPEED: f64 = 12.0;
 const STOPPED: (f64, f64) = (0.5, 10.0);
 /// So long after the last command the vehicle takes its rotors to their lowest speeds, s (tk3.md).
 const WATCHDOG: f64 = 0.5;
+/// How fast a motor's gain is learnt, 1/s, and the least that is made up for.
+const GAIN: (f64, f64) = (10.0, 0.5);
 
 /// The commanded speeds behind each rotor's lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +30,8 @@ pub(super) struct RotorModel {
     reached: RotorVector,
     unreached: f64,
     expected: RotorVector,
+    /// Measured speeds by the model's, up to 1.
+    gain: RotorVector,
 }
 
 impl RotorModel {
@@ -41,7 +45,7 @@ impl RotorModel {
             *slot = rotor.min_speed;
         }
         let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
-        Self { rate, lowest, reached: zero, unreached: 0.0, expected: zero }
+        Self { rate, lowest, reached: zero, unreached: 0.0, expected: zero, gain: RotorVector::repeat(1.0) }
     }
 
     /// Moves on by `dt` seconds of a command, Hz; without a line none reaches the vehicle.
@@ -57,12 +61,34 @@ impl RotorModel {
         self.expected += (self.reached - self.expected) * lag_fraction(self.rate, dt);
     }
 
+    /// Learns by how much motors turn too slowly, from a fault of theirs on.
+    pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, at_fault: bool, dt: f64) {
+        let (rate, least) = GAIN;
+        let (_, fast) = STOPPED;
+        if !at_fault || 2 * self.wrong_speeds(motors, now) >= motors.len() {
+            return;
+        }
+        for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
+            if now - motor.heard <= STALE && fabs(*expected) > fast {
+                *gain += (motor.speed / expected - *gain) * lag_fraction(rate, dt);
+                *gain = gain.clamp(least, 1.0);
+            }
+        }
+    }
+
+    /// Speeds to ask for, Hz, so that motors that turn too slowly turn as fast as wanted.
+    #[must_use]
+    pub(super) fn made_up(&self, wanted: &RotorVector) -> RotorVector {
+        wanted.component_div(&self.gain)
+    }
+
     /// Measured speeds, Hz, with the model in the place of stale ones.
     #[must_use]
     pub(super) fn speeds(&self, motors: &[Motor], now: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();
-        for ((speed, expected), motor) in speeds.iter_mut().zip(self.expected.iter()).zip(motors) {
-            *speed = if now - motor.heard > STALE { *expected } else { motor.speed };
+        let model = self.expected.iter().zip(self.gain.iter());
+        for ((speed, (expected, gain)), motor) in speeds.iter_mut().zip(model).zip(motors) {
+            *speed = if now - motor.heard > STALE { expected * gain } else { motor.speed };
         }
         speeds
     }
@@ -86,10 +112,10 @@ impl RotorModel {
     }
 
     fn where_measured(&self, motors: &[Motor], now: f64, is: impl Fn(f64, f64) -> bool) -> u16 {
-        let pairs = motors.iter().zip(self.expected.iter()).enumerate();
-        pairs.fold(0, |set, (i, (motor, expected))| {
+        let model = self.expected.iter().zip(self.gain.iter());
+        motors.iter().zip(model).enumerate().fold(0, |set, (i, (motor, (expected, gain)))| {
             let fresh = now - motor.heard <= STALE;
-            if fresh && is(motor.speed, *expected) { set | 1 << i } else { set }
+            if fresh && is(motor.speed, expected * gain) { set | 1 << i } else { set }
         })
     }
 }

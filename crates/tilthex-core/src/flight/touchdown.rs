@@ -6,8 +6,8 @@ use crate::types::Vector3;
 const SHARE: f64 = 0.3;
 /// A vehicle that stands is slower than this, m/s, for so long, s.
 const STILL: (f64, f64) = (0.3, 0.2);
-/// A force that is felt carries after so long, s, however the vehicle moves.
-const FELT: f64 = 0.5;
+/// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled bounces about.
+const FELT: (f64, f64) = (0.5, 0.2);
 
 /// What tells of the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,8 +38,9 @@ impl Touchdown {
         self.still = if stands { self.still + dt } else { 0.0 };
         let carried = |force: Vector3| if seen.toppled { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
-        self.felt = if feels { self.felt + dt } else { 0.0 };
-        self.still > time || self.felt > FELT
+        self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
+        let (upright, toppled) = FELT;
+        self.still > time || self.felt > if seen.toppled { toppled } else { upright }
     }
 }
 
@@ -64,6 +65,6 @@ mod tests {
         assert_eq!(steps(&Seen { observed_w: up, velocity: 3.0, ..AIR }), Some(251));
         let aside = Some(Vector3::new(10.0, 0.0, 0.0));
         assert_eq!(steps(&Seen { observed_w: aside, ..AIR }), None);
-        assert_eq!(steps(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(251));
+        assert_eq!(steps(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(101));
     }
 }

@@ -33,6 +33,7 @@ pub enum Fault {
     MotorNotSpinning,
     MotorWrongSpeed,
     CommandNotFollowed,
+    ThrustLost,
     RotorLost,
     BatteryLow,
     BatteryCritical,
@@ -106,7 +107,7 @@ const fn row(
 }
 
 /// Number of faults.
-pub const COUNT: usize = 38;
+pub const COUNT: usize = 39;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -120,8 +121,9 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::MotorsSilent, "motor data silent", "a motor's measurement older than 1 s", (0.0, 0.5), (Refuse, Land), "as before; the stream is asked for again every 500 ms"),
     row(Fault::MotorEmergency, "motor emergency", "the emergency bit of a motor", (0.0, 0.5), (Refuse, Land), "the motor counts as lost"),
     row(Fault::MotorNotSpinning, "motor not spinning", "the spinning bit of a motor is off after the start, or it turns at less than half the lagged command", (0.02, 0.5), (Refuse, Land), "the motor counts as lost"),
-    row(Fault::MotorWrongSpeed, "motor at a wrong speed", "a motor 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "the others make up for it as far as they can"),
+    row(Fault::MotorWrongSpeed, "motor at a wrong speed", "a motor 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "it is driven faster by what is missing"),
     row(Fault::CommandNotFollowed, "command not followed", "half of the motors 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "the vehicle's own watchdog holds its lowest speed when commands stop reaching it"),
+    row(Fault::ThrustLost, "thrust lost", "the external wrench takes away 60 % or more of what one rotor gives, for 60 ms", (0.0, 0.5), (Refuse, Land), "the motor counts as lost: its propeller is"),
     row(Fault::RotorLost, "rotor lost", "a lost motor without which the vehicle can not hover at rest", (0.0, 0.5), (Refuse, Descend), "yaw is given up; down at 1 m/s, before the spin that follows takes the rest"),
     row(Fault::BatteryLow, "battery low", "battery below the configured voltage", (1.0, 5.0), (Refuse, Land), "change the battery"),
     row(Fault::BatteryCritical, "battery critical", "battery below the configured critical voltage", (0.2, 5.0), (Refuse, Land), "change the battery"),

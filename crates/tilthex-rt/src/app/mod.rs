@@ -68,7 +68,11 @@ fn fly_campaign(config: &Config, number: u64, seed: u64) -> Result<(), Failure> 
             println!("{}: {injection:?}", injection.kind.text());
         }
         print!("{story}");
-        let end = if outcome.ended { "stands, motors off" } else { "does not stand with its motors off" };
+        let end = match (outcome.ended, outcome.toppled) {
+            (true, false) => "stands, motors off",
+            (true, true) => "has toppled, motors off",
+            (false, _) => "does not rest with its motors off",
+        };
         println!("worst error {:.3} m, touch-down {:.2} m/s, {end}", outcome.deviation, outcome.impact);
         return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
     }

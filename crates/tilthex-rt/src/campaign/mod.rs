@@ -65,8 +65,10 @@ pub struct Outcome {
     pub deviation: f64,
     /// Fastest touch-down, m/s.
     pub impact: f64,
-    /// It stood, motors off, at the end.
+    /// Its motors were off at the end, and it lay still.
     pub ended: bool,
+    /// It came to rest otherwise than on its feet.
+    pub toppled: bool,
     /// What must not have happened.
     pub failure: Option<String>,
 }
@@ -101,7 +103,8 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
     for _ in 0..SETTLING {
         world.tick(None);
     }
-    judge.outcome.ended = !judge.flew || (world.flight.finished() && world.simulation.stands());
+    judge.outcome.ended = !judge.flew || (world.flight.finished() && world.simulation.rests());
+    judge.outcome.toppled = judge.outcome.ended && !world.simulation.stands();
     judge.outcome
 }
 
@@ -130,6 +133,7 @@ impl Judge {
                 deviation: 0.0,
                 impact: 0.0,
                 ended: false,
+                toppled: false,
                 failure: None,
             },
             receiver: Receiver::default(),
@@ -234,6 +238,7 @@ struct Tally {
     seen: BTreeMap<&'static str, u64>,
     deviation: f64,
     hard: u64,
+    toppled: u64,
     not_ended: u64,
     failed: u64,
 }
@@ -266,6 +271,7 @@ impl Summary {
             }
             tally.deviation = tally.deviation.max(outcome.deviation);
             tally.hard += u64::from(outcome.impact > HARD);
+            tally.toppled += u64::from(outcome.toppled);
             tally.not_ended += u64::from(!outcome.ended);
             tally.failed += u64::from(outcome.failure.is_some());
         }
@@ -281,17 +287,18 @@ impl Summary {
     #[must_use]
     pub fn table(&self) -> String {
         let mut text = String::from(
-            "fault              flights  went on    held  landed  descended  worst error  hard  not ended  failed\n",
+            "fault              flights  went on    held  landed  descended  worst error  hard  toppled  not ended  failed\n",
         );
         for (kind, t) in &self.tallies {
             let [on, held, landed, descended] = t.reactions;
             let _ = writeln!(
                 text,
-                "{:18} {:7}  {on:7} {held:7} {landed:7}  {descended:9}  {:9.3} m {:5}  {:9}  {:6}",
+                "{:18} {:7}  {on:7} {held:7} {landed:7}  {descended:9}  {:9.3} m {:5}  {:7}  {:9}  {:6}",
                 format!("{kind:?}"),
                 t.flights,
                 t.deviation,
                 t.hard,
+                t.toppled,
                 t.not_ended,
                 t.failed
             );
@@ -385,6 +392,7 @@ fn one(params: FlightParams, hovering: &World, seed: u64, see: &mut dyn FnMut(&W
         deviation: 0.0,
         impact: 0.0,
         ended: false,
+        toppled: false,
         failure: Some("panicked".into()),
     })
 }

@@ -216,6 +216,13 @@ impl Simulation {
     /// Whether the vehicle stands on its feet.
     #[must_use]
     pub fn stands(&self) -> bool {
+        let level = self.state.robot.rotation_wr[(2, 2)] > 0.98;
+        level && self.rests()
+    }
+
+    /// Whether the vehicle lies still on the ground, however.
+    #[must_use]
+    pub fn rests(&self) -> bool {
         let robot = &self.state.robot;
         robot.position_w.z < self.ground.leg + 0.01 && robot.velocity_w.norm() < 0.1
     }
