@@ -51,20 +51,21 @@ mod tests {
     const AIR: Seen =
         Seen { missing: 0.0, observed_w: Some(Vector3::new(0.0, 0.0, 0.0)), velocity: 0.1, toppled: false };
 
-    fn steps(seen: &Seen) -> Option<usize> {
+    /// The time until the ground is believed in, ms.
+    fn time(seen: &Seen) -> Option<u32> {
         let mut touchdown = Touchdown::default();
-        (1..1000).find(|_| touchdown.step(seen, 20.0, 0.002))
+        (1..1000).find(|_| touchdown.step(seen, 20.0, 1e-3 + 1e-9))
     }
 
     #[test]
     fn either_sign_will_do() {
-        assert_eq!(steps(&AIR), None);
-        assert_eq!(steps(&Seen { missing: 10.0, observed_w: None, ..AIR }), Some(101));
-        assert_eq!(steps(&Seen { missing: 10.0, observed_w: None, velocity: 1.0, ..AIR }), None);
+        assert_eq!(time(&AIR), None);
+        assert_eq!(time(&Seen { missing: 10.0, observed_w: None, ..AIR }), Some(200));
+        assert_eq!(time(&Seen { missing: 10.0, observed_w: None, velocity: 1.0, ..AIR }), None);
         let up = Some(Vector3::new(0.0, 0.0, 10.0));
-        assert_eq!(steps(&Seen { observed_w: up, velocity: 3.0, ..AIR }), Some(251));
+        assert_eq!(time(&Seen { observed_w: up, velocity: 3.0, ..AIR }), Some(500));
         let aside = Some(Vector3::new(10.0, 0.0, 0.0));
-        assert_eq!(steps(&Seen { observed_w: aside, ..AIR }), None);
-        assert_eq!(steps(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(101));
+        assert_eq!(time(&Seen { observed_w: aside, ..AIR }), None);
+        assert_eq!(time(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(200));
     }
 }

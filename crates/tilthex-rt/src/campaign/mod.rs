@@ -48,7 +48,7 @@ const MISSION: f64 = 7.0;
 /// A flight that has not ended by then is not watched any longer, s.
 const LONGEST: f64 = 45.0;
 /// Ticks after the motors' stop before it is said whether the vehicle stands.
-const SETTLING: usize = 250;
+const SETTLING: usize = 1000;
 /// One flight in so many is flown from power-on.
 const WHOLE_EVERY: u64 = 4;
 
