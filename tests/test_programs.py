@@ -298,3 +298,20 @@ def test_the_loop_makes_only_the_system_calls_that_are_documented(tmp_path):
         process.communicate(timeout=60)
     calls = set(re.findall(r"^(\w+)\(", trace.read_text(), re.MULTILINE))
     assert {"clock_nanosleep", "read", "write"} <= calls <= listed, calls
+
+
+def test_hundreds_of_faulty_flights_end_as_the_table_says():
+    """The first flights of `make campaign`: no panic, no bad byte, no unlisted reaction, no fly-away."""
+    flown = run("campaign", "-n", "400")
+    assert flown.returncode == 0, flown.stdout[-2000:] + flown.stderr
+    kinds = [line.split() for line in flown.stdout.splitlines() if re.match(r"\w+ +\d+ +\d", line)]
+    assert len(kinds) == 26 and sum(int(kind[1]) for kind in kinds) > 400
+    assert sum(int(kind[-1]) for kind in kinds) == 0
+
+
+def test_a_faulty_flight_tells_its_story():
+    flown = run("campaign", "-n", "1", "--seed", "1")
+    assert flown.returncode == 0, flown.stderr
+    assert "a motor that stops and shows its emergency bit" in flown.stdout
+    assert re.search(r"emergency .* rotor lost", flown.stdout)
+    assert flown.stdout.rstrip().endswith("stands, motors off")
