@@ -1,0 +1,94 @@
+//! The table of a campaign: reactions and worst figures by kind of fault.
+
+use std::{collections::BTreeMap, fmt::Write as _};
+
+use tilthex_core::supervisor::Reaction;
+
+use super::{
+    Kind,
+    judge::{HARD, Outcome},
+};
+
+/// Figures of a kind of fault.
+#[derive(Clone, Debug, Default)]
+struct Tally {
+    flights: u64,
+    reactions: [u64; 4],
+    seen: BTreeMap<&'static str, u64>,
+    deviation: f64,
+    hard: u64,
+    toppled: u64,
+    not_ended: u64,
+    failed: u64,
+}
+
+/// The figures of a campaign.
+#[derive(Clone, Debug, Default)]
+pub struct Summary {
+    tallies: BTreeMap<Kind, Tally>,
+    failures: BTreeMap<u64, String>,
+}
+
+impl Summary {
+    /// Takes in the flight of a seed.
+    pub(super) fn add(&mut self, seed: u64, outcome: &Outcome) {
+        if let Some(failure) = &outcome.failure {
+            let kinds: Vec<_> = outcome.injections.iter().map(|i| format!("{:?}", i.kind)).collect();
+            self.failures.insert(seed, format!("{}: {failure}", kinds.join(" and ")));
+        }
+        for injection in &outcome.injections {
+            let tally = self.tallies.entry(injection.kind).or_default();
+            tally.flights += 1;
+            let reaction = match outcome.reaction {
+                Reaction::Note | Reaction::Refuse => 0,
+                Reaction::Hold => 1,
+                Reaction::Land => 2,
+                Reaction::Descend => 3,
+            };
+            tally.reactions[reaction] += 1;
+            for row in outcome.seen.rows() {
+                *tally.seen.entry(row.name).or_default() += 1;
+            }
+            tally.deviation = tally.deviation.max(outcome.deviation);
+            tally.hard += u64::from(outcome.impact > HARD);
+            tally.toppled += u64::from(outcome.toppled);
+            tally.not_ended += u64::from(!outcome.ended);
+            tally.failed += u64::from(outcome.failure.is_some());
+        }
+    }
+
+    /// What went wrong in the flights that failed, by their seeds.
+    #[must_use]
+    pub fn failures(&self) -> &BTreeMap<u64, String> {
+        &self.failures
+    }
+
+    /// The table.
+    #[must_use]
+    pub fn table(&self) -> String {
+        let mut text = String::from(
+            "fault              flights  went on    held  landed  descended  worst error  hard  toppled  not ended  failed\n",
+        );
+        for (kind, t) in &self.tallies {
+            let [on, held, landed, descended] = t.reactions;
+            let _ = writeln!(
+                text,
+                "{:18} {:7}  {on:7} {held:7} {landed:7}  {descended:9}  {:9.3} m {:5}  {:7}  {:9}  {:6}",
+                format!("{kind:?}"),
+                t.flights,
+                t.deviation,
+                t.hard,
+                t.toppled,
+                t.not_ended,
+                t.failed
+            );
+        }
+        for (kind, t) in &self.tallies {
+            let mut seen: Vec<_> = t.seen.iter().collect();
+            seen.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+            let seen: Vec<_> = seen.iter().take(5).map(|(name, count)| format!("{name} {count}")).collect();
+            let _ = writeln!(text, "{kind:?}, {}: seen as {}", kind.text(), seen.join(", "));
+        }
+        text
+    }
+}
