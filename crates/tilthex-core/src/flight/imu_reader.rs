@@ -1,6 +1,9 @@
 //! Inertial samples out of a recorded link, as the flight took them.
 
-use super::session::{Inertial, Session, SessionParams};
+use super::{
+    imu_stream::Inertial,
+    session::{Session, SessionParams},
+};
 use crate::Error;
 
 /// Decodes what the vehicle sent: clock recovery and gates included, nothing sent back.
@@ -19,6 +22,6 @@ impl ImuReader {
     /// The samples in the bytes that came in one tick, at `now` (s).
     pub fn read(&mut self, bytes: &[u8], now: f64) -> &[Inertial] {
         self.0.receive(bytes, now);
-        self.0.samples()
+        self.0.imu().samples()
     }
 }

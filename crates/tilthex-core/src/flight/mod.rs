@@ -5,11 +5,14 @@
 //! on virtual time and the replay of a log run this same code and get the same
 //! result to the bit.
 
+mod actuation;
 mod guidance;
 mod imu_reader;
+mod imu_stream;
 mod io;
 mod record;
 mod rotors;
+mod sensing;
 mod session;
 mod thrust;
 mod touchdown;
@@ -17,23 +20,23 @@ mod watch;
 
 pub use guidance::GuidanceParams;
 pub use imu_reader::ImuReader;
+pub use imu_stream::Inertial;
 pub use io::{Command, HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, Route, TickInput, TickOutput};
 pub use record::{LinkCounters, RawInput, Record};
-pub use session::{Inertial, SessionParams};
+pub use session::SessionParams;
 pub use watch::WatchParams;
 
 use crate::{
     Error, Vehicle,
     admittance::AdmittanceState,
-    controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
+    controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
     link::tk3::Identity,
-    so3,
     supervisor::{Facts, Fault, Phase, Supervisor},
-    types::{RobotState, RotorVector, Setpoint},
+    types::{RotorVector, Setpoint},
 };
 use guidance::Guidance;
-use rotors::{RotorModel, modelled_imu};
+use rotors::RotorModel;
 use session::Session;
 use thrust::ThrustWatch;
 use touchdown::Touchdown;
@@ -60,14 +63,8 @@ pub struct FlightParams {
 
 /// Without inertial samples for longer than this the model stands in, s.
 const IMU_LATE: f64 = 6e-3;
-/// From the lowest speeds to just below hover, s.
-const RAMP: f64 = 3.0;
-/// Speeds at the end of the ramp, as a part of those in hover: the vehicle still stands.
-const RAMP_END: f64 = 0.95;
 /// Periods longer than this are cut for the laws' integrators, s.
 const LONGEST_STEP: f64 = 0.1;
-/// The estimate is corrected by more than this, m and rad, in a tick: a jump.
-const JUMP: (f64, f64) = (0.03, 0.03);
 
 /// A flight, from the first byte to the motors' stop.
 #[derive(Clone, Debug)]
@@ -215,57 +212,6 @@ impl Flight {
         self.tick += 1;
     }
 
-    fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
-        let samples = self.session.samples();
-        for s in samples {
-            self.estimator.predict(s.time, &s.gyro_i, &s.specific_force_i);
-        }
-        let late = self.session.imu_age(input.time) > IMU_LATE;
-        if samples.is_empty() && late && self.supervisor.phase().in_flight() {
-            let state = self.estimator.robot_state();
-            let external = self.control.observer.wrench;
-            let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
-            let gyro_i = model.gyro_i + self.estimator.gyro_bias();
-            let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
-            self.estimator.predict_modelled(input.time, &gyro_i, &specific_force_i);
-        }
-        for pose in input.poses.iter().take(MAX_POSES) {
-            if self.estimator.is_initialized() {
-                self.estimator.update_pose(pose);
-            } else if pose.tracking_valid && pose.is_finite() {
-                // The reason, until it succeeds, is what the operator is told.
-                self.start_refused =
-                    self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
-            }
-        }
-    }
-
-    /// A correction of the estimate is no motion: reference and set-point take part in
-    /// it, and fly back from there. A turn is left to the admittance filter's spring.
-    fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
-        let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {
-            return;
-        };
-        let now = self.estimator.robot_state();
-        let expected_w = before.position_w + before.velocity_w * dt;
-        let turned = before.rotation_wr * so3::exp(&(before.angular_velocity_r * dt));
-        let turn = now.rotation_wr * turned.transpose();
-        let (far, wide) = JUMP;
-        if (now.position_w - expected_w).norm() < far && so3::angle(&turn) < wide {
-            return;
-        }
-        let r = &mut output.reference;
-        let moved_w = now.position_w + turn * (r.position_w - expected_w) - r.position_w;
-        r.position_w += moved_w;
-        r.rotation_we = turn * r.rotation_we;
-        r.velocity_w = turn * r.velocity_w;
-        r.angular_velocity_w = turn * r.angular_velocity_w;
-        output.setpoint.position_w += moved_w;
-        self.guidance.shift(moved_w);
-        self.control.admittance = AdmittanceState::at(r, &output.setpoint);
-        self.control.observer.forget_sample();
-    }
-
     fn obey(&mut self, command: Option<&Command>) {
         self.setpoint_refused = false;
         match command {
@@ -321,7 +267,7 @@ impl Flight {
             link_ready: self.session.ready(input.time),
             estimate_ready: self.estimator.is_initialized(),
             all_spinning: self.session.all_spinning(),
-            ramp_done: self.ramp >= RAMP,
+            ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.touchdown(rotor_speeds, input.time, dt),
             take_off: self.take_off,
             kill: self.kill,
@@ -382,102 +328,10 @@ impl Flight {
         let weight = self.params.vehicle.mass() * crate::GRAVITY;
         let seen = touchdown::Seen {
             missing: weight - (thrust_w + bias_w).z,
-            observed_w: (self.session.imu_age(now) < IMU_LATE).then(|| output.wrench_robot.force - bias_w),
+            observed_w: (self.session.imu().age(now) < IMU_LATE).then(|| output.wrench_robot.force - bias_w),
             velocity: robot.velocity_w.norm(),
             toppled: self.supervisor.active().contains(Fault::Tilt),
         };
         self.touchdown.step(&seen, weight, dt)
-    }
-
-    fn control(&mut self, rotor_speeds: &RotorVector, dt: f64) {
-        let phase = self.supervisor.phase();
-        self.not_finite = false;
-        match phase {
-            Phase::Disarmed => self.command = RotorVector::zeros(),
-            Phase::Starting => self.command = self.min_speeds,
-            Phase::Grounded => {
-                self.ramp += dt;
-                let part = (self.ramp / RAMP).min(1.0);
-                let hover = self.params.vehicle.hover_speeds(&self.estimator.robot_state().rotation_wr);
-                let ramped = self.min_speeds + (hover * RAMP_END - self.min_speeds) * part;
-                self.accept(&ramped);
-            }
-            Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                let robot = self.estimator.robot_state();
-                let guided = self.guidance.step(phase, self.adrift, &robot, self.params.vehicle.tool(), dt);
-                let input = ControllerInput {
-                    state: robot,
-                    specific_force_r: self.estimator.specific_force_r(),
-                    rotor_speeds: *rotor_speeds,
-                    setpoint: guided.setpoint,
-                    compliant: guided.compliant,
-                    learn_bias: guided.learn_bias,
-                    lost_rotors: self.lost,
-                    fixed_attitude: phase == Phase::Emergency,
-                };
-                let output = self.controller.step(&mut self.control, &input, dt);
-                if self.accept(&self.rotor_model.made_up(&output.rotor_speeds)) {
-                    self.without_thrust = self.thrust.step(
-                        &self.params.vehicle,
-                        rotor_speeds,
-                        &output.contact(&robot, &self.control.bias_r),
-                        dt,
-                    );
-                    self.output = Some(output);
-                } else {
-                    // Whatever is not finite must not stay in the memory of the laws.
-                    self.not_finite = true;
-                    let bias_r = self.control.bias_r;
-                    self.control = ControllerState::default();
-                    if bias_r.is_finite() {
-                        self.control.bias_r = bias_r;
-                    }
-                }
-            }
-        }
-    }
-
-    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
-    fn lose_rotors(&mut self, stopped: u16) {
-        let active = self.supervisor.active();
-        let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::ThrustLost]
-            .iter()
-            .any(|f| active.contains(*f));
-        let silent = |m: &session::Motor| m.emergency || !m.spinning;
-        let bits = self.session.motors().iter().enumerate();
-        let found = bits
-            .fold(stopped | self.without_thrust, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
-        let lost = if counted && self.supervisor.phase().in_flight() { found } else { 0 };
-        if lost != self.lost {
-            self.lost = lost;
-            self.adrift = lost != 0 && !self.controller.hovers_without(lost);
-        }
-    }
-
-    /// Takes a command that is finite, cut to the rotors' limits; keeps the last one otherwise.
-    fn accept(&mut self, command: &RotorVector) -> bool {
-        let finite = command.iter().all(|w| w.is_finite());
-        if finite {
-            self.command = command.sup(&self.min_speeds).inf(&self.max_speeds);
-        }
-        finite
-    }
-
-    fn send(&mut self, now: f64, out: &mut TickOutput) {
-        let phase = self.supervisor.phase();
-        match phase {
-            Phase::Disarmed => self.session.send_stop(now, out),
-            Phase::Starting => {
-                self.session.send_speeds(&self.command, out);
-                self.session.send_start(now, out);
-            }
-            Phase::Grounded | Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                self.session.send_speeds(&self.command, out);
-                if self.supervisor.active().contains(Fault::Reboot) {
-                    self.session.send_start(now, out);
-                }
-            }
-        }
-        self.session.talk(now, out);
     }
 }

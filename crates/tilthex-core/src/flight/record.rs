@@ -242,7 +242,7 @@ impl Flight {
         record.current = self.session.motors().iter().map(|m| m.current).sum();
         record.battery = self.session.battery().unwrap_or(f64::NAN);
         record.counters = self.watch.counters(&self.session);
-        record.imu_samples = self.session.samples().len() as u8;
+        record.imu_samples = self.session.imu().samples().len() as u8;
         record.text = self.session.text();
         for (slot, byte) in record.sent.iter_mut().zip(out.bytes()) {
             *slot = *byte;

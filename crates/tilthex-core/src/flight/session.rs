@@ -2,18 +2,17 @@
 //! stopping motors, and what the streams say. It keeps the sequence of
 //! tk3.md ("Sequence and behaviour") without ever waiting.
 
-use super::io::TickOutput;
+use super::{imu_stream::ImuStream, io::TickOutput};
 use crate::{
     Error,
-    clock_sync::ClockParams,
     link::{
-        Arrival, Gate, GateParams, SequenceClock, Verdict,
+        Gate, GateParams, Verdict,
         tk3::{
-            HostMessage, Identity, ImuFrame, ImuScales, MotorFrame, MotorState, MotorValues, Receiver,
-            Severity, Stream, Text, VehicleMessage,
+            HostMessage, Identity, ImuScales, MotorFrame, MotorState, MotorValues, Receiver, Severity,
+            Stream, Text, VehicleMessage,
         },
     },
-    types::{MAX_ROTORS, RotorVector, Vector3},
+    types::{MAX_ROTORS, RotorVector},
 };
 
 /// What is asked of the vehicle's streams.
@@ -36,31 +35,10 @@ const IDENTIFY_TRIES: u32 = 4;
 const SILENCE: f64 = 0.5;
 /// Between two start or stop commands, s.
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
-/// Most inertial samples of one tick that are kept.
-const MAX_SAMPLES: usize = 8;
-/// So many readings in a row alike to the bit are no measurement.
-const FROZEN: u32 = 25;
-/// Counts from here on are the end of the IMU's range.
-const FULL_SCALE: u16 = 32_760;
-/// Largest change of an inertial reading from one sample to the next: rad/s, m/s^2.
-const IMU_JUMP: (f64, f64) = (3.0, 40.0);
 /// Largest change of a rotor's speed from one sample to the next, Hz.
 const MOTOR_JUMP: f64 = 40.0;
 /// A jump is believed after so many samples that agree with it.
 const PATIENCE: u8 = 4;
-/// No more inertial samples than these are refused in a row for their jumps: an impact shakes.
-const MOST_REFUSED: u8 = 2;
-
-/// An inertial sample in IMU coordinates.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inertial {
-    /// When it was taken, s, on the host's clock.
-    pub time: f64,
-    /// Angular velocity, rad/s.
-    pub gyro_i: Vector3,
-    /// Specific force, m/s^2.
-    pub specific_force_i: Vector3,
-}
 
 /// The newest that is known of one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -96,17 +74,7 @@ pub(super) struct Session {
     stage: Stage,
     receiver: Receiver<VehicleMessage>,
     identity: Option<Identity>,
-    scales: Option<ImuScales>,
-    samples: [Inertial; MAX_SAMPLES],
-    sample_count: usize,
-    imu_clock: SequenceClock,
-    imu_gate: Gate<6>,
-    refused_now: bool,
-    odd_lengths: u8,
-    last_frame: Option<ImuFrame>,
-    same_frames: u32,
-    saturated: bool,
-    imu_heard: f64,
+    imu: ImuStream,
     heard: f64,
     motors: [Motor; MAX_ROTORS],
     motor_gates: [Gate<1>; MAX_ROTORS],
@@ -124,12 +92,6 @@ impl Session {
     /// # Errors
     /// A stream period that can not be.
     pub(super) fn new(params: SessionParams, rotor_count: usize) -> Result<Self, Error> {
-        let imu_period = f64::from(params.imu_period_us) * 1e-6;
-        let (rate, force) = IMU_JUMP;
-        let (max, jump) =
-            ([100.0, 100.0, 100.0, 400.0, 400.0, 400.0], [rate, rate, rate, force, force, force]);
-        let imu_gate =
-            GateParams { min: max.map(|x| -x), max, jump, patience: PATIENCE, longest: MOST_REFUSED };
         let motor_gate = Gate::new(GateParams {
             min: [-1e3],
             max: [1e3],
@@ -147,23 +109,12 @@ impl Session {
             current: 0.0,
             state: None,
         };
-        let zero = Vector3::zeros();
         Ok(Self {
             params,
             stage: Stage::Identify { tries: 0, asked: long_ago },
             receiver: Receiver::default(),
             identity: None,
-            scales: params.scales,
-            samples: [Inertial { time: 0.0, gyro_i: zero, specific_force_i: zero }; MAX_SAMPLES],
-            sample_count: 0,
-            imu_clock: SequenceClock::new(imu_period, ClockParams::default())?,
-            imu_gate: Gate::new(imu_gate)?,
-            refused_now: false,
-            odd_lengths: 0,
-            last_frame: None,
-            same_frames: 0,
-            saturated: false,
-            imu_heard: long_ago,
+            imu: ImuStream::new(&params)?,
             heard: long_ago,
             motors: [motor; MAX_ROTORS],
             motor_gates: [motor_gate; MAX_ROTORS],
@@ -178,10 +129,9 @@ impl Session {
 
     /// Takes in the bytes of one tick.
     pub(super) fn receive(&mut self, bytes: &[u8], now: f64) {
-        self.sample_count = 0;
+        self.imu.begin_tick();
         self.text = None;
         self.rebooted = false;
-        self.refused_now = false;
         for byte in bytes {
             if let Some(message) = self.receiver.push(*byte) {
                 self.heard = now;
@@ -193,7 +143,7 @@ impl Session {
     fn take(&mut self, message: &VehicleMessage, now: f64) {
         match message {
             VehicleMessage::Identity(text) => self.identify(text),
-            VehicleMessage::Imu(frame) => self.take_imu(frame, now),
+            VehicleMessage::Imu(frame) => self.imu.take(frame, now),
             VehicleMessage::Motor(frame) => self.take_motor(frame, now),
             VehicleMessage::Battery { millivolts, .. } => {
                 self.battery = Some(f64::from(*millivolts) * 1e-3);
@@ -211,8 +161,7 @@ impl Session {
         match self.stage {
             Stage::Identify { .. } => {
                 self.identity = Some(identity);
-                self.scales = self.scales.or(ImuScales::known(&identity));
-                let known = self.scales.is_some();
+                let known = self.imu.know(&identity);
                 self.stage = if known { Stage::Streams { asked: -1e9 } } else { Stage::Refused };
             }
             // Nobody asked: the board has started anew.
@@ -221,39 +170,6 @@ impl Session {
                 self.stage = Stage::Streams { asked: -1e9 };
             }
             Stage::Refused => {}
-        }
-    }
-
-    fn take_imu(&mut self, frame: &ImuFrame, now: f64) {
-        let Some(scales) = self.scales else { return };
-        let (time, lost) = match self.imu_clock.step(frame.sequence, now) {
-            Arrival::New { time, lost, .. } => (time, lost),
-            Arrival::Duplicate => return,
-            Arrival::Suspect => (now, 0),
-        };
-        // Two lost bytes make a frame with a temperature look like one without.
-        let other_length = |last: ImuFrame| last.temperature.is_some() != frame.temperature.is_some();
-        if self.last_frame.is_some_and(other_length) && self.odd_lengths < PATIENCE {
-            self.odd_lengths += 1;
-            self.refused_now = true;
-            return;
-        }
-        self.odd_lengths = 0;
-        let alike = |last: ImuFrame| last.accelerometer == frame.accelerometer && last.gyro == frame.gyro;
-        let same = self.last_frame.replace(*frame).is_some_and(alike);
-        self.same_frames = if same { self.same_frames.saturating_add(1) } else { 0 };
-        let full = |x: &i16| x.unsigned_abs() >= FULL_SCALE;
-        self.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
-        let (f, w) = scales.decode(frame);
-        let verdict = self.imu_gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
-        self.refused_now |= verdict != Verdict::Pass;
-        if self.frozen() || self.saturated || verdict != Verdict::Pass {
-            return;
-        }
-        self.imu_heard = now;
-        if let Some(slot) = self.samples.get_mut(self.sample_count) {
-            *slot = Inertial { time, gyro_i: w, specific_force_i: f };
-            self.sample_count += 1;
         }
     }
 
@@ -333,10 +249,10 @@ impl Session {
         }
     }
 
-    /// Inertial samples of this tick, oldest first.
+    /// The inertial stream.
     #[must_use]
-    pub(super) fn samples(&self) -> &[Inertial] {
-        self.samples.get(..self.sample_count).unwrap_or(&[])
+    pub(super) fn imu(&self) -> &ImuStream {
+        &self.imu
     }
 
     /// What is known of the motors.
@@ -364,13 +280,7 @@ impl Session {
     }
 
     fn silent(&self, now: f64) -> bool {
-        now - self.imu_heard > SILENCE || self.motor_age(now) > SILENCE
-    }
-
-    /// Age of the newest usable inertial sample, s.
-    #[must_use]
-    pub(super) fn imu_age(&self, now: f64) -> f64 {
-        now - self.imu_heard
+        self.imu.age(now) > SILENCE || self.motor_age(now) > SILENCE
     }
 
     /// Age of the oldest motor's measurement, s.
@@ -383,18 +293,6 @@ impl Session {
     #[must_use]
     pub(super) fn silence(&self, now: f64) -> f64 {
         now - self.heard
-    }
-
-    /// Whether the IMU repeats itself to the bit.
-    #[must_use]
-    pub(super) fn frozen(&self) -> bool {
-        self.same_frames >= FROZEN
-    }
-
-    /// Whether the newest sample is at the end of its range.
-    #[must_use]
-    pub(super) fn saturated(&self) -> bool {
-        self.saturated
     }
 
     /// Whether every motor spins.
@@ -427,27 +325,15 @@ impl Session {
         self.rebooted
     }
 
-    /// Whether the gate refused an inertial sample in this tick.
-    #[must_use]
-    pub(super) fn refused_now(&self) -> bool {
-        self.refused_now
-    }
-
     /// Samples that the gates have refused.
     #[must_use]
     pub(super) fn refused_samples(&self) -> u32 {
-        let imu = self.imu_gate.counters();
+        let imu = self.imu.gate_counters();
         let motors = self.motor_gates.iter().map(Gate::counters);
         let refused = |sum: u32, c: crate::link::GateCounters| {
             sum.saturating_add(c.out_of_range).saturating_add(c.jumps)
         };
         motors.fold(refused(0, imu), refused)
-    }
-
-    /// Inertial samples that never came.
-    #[must_use]
-    pub(super) fn lost_samples(&self) -> u32 {
-        self.imu_clock.counters().lost
     }
 
     /// Messages taken and frames refused so far.

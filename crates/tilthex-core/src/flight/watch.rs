@@ -110,7 +110,7 @@ impl Watch {
             messages: c.messages,
             refused_frames: c.refused(),
             refused_samples: session.refused_samples(),
-            lost_samples: session.lost_samples(),
+            lost_samples: session.imu().lost(),
             poses: self.poses.taken,
             refused_poses: self.poses.refused,
         }
@@ -132,12 +132,12 @@ impl Watch {
     fn link(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
         let s = seen.session;
         let known = s.identity().is_some();
-        let age = s.imu_age(seen.now);
+        let age = s.imu().age(seen.now);
         set.insert_if(Fault::ImuLate, known && age > 0.006);
         set.insert_if(Fault::ImuSilent, known && age > 0.050);
-        set.insert_if(Fault::ImuFrozen, s.frozen());
-        set.insert_if(Fault::ImuSaturated, s.saturated());
-        set.insert_if(Fault::ImuOutOfRange, s.refused_now());
+        set.insert_if(Fault::ImuFrozen, s.imu().frozen());
+        set.insert_if(Fault::ImuSaturated, s.imu().saturated());
+        set.insert_if(Fault::ImuOutOfRange, s.imu().refused_now());
         set.insert_if(Fault::Reboot, s.rebooted());
         let silent = known && s.silence(seen.now) > 1.0;
         set.insert_if(Fault::LinkLost, seen.host.link_lost || silent);

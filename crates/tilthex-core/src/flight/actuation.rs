@@ -1,0 +1,109 @@
+//! From the state to what the rotors are asked, and to the bytes that ask it.
+
+use super::{Flight, io::TickOutput, session};
+use crate::{
+    controller::{ControllerInput, ControllerState},
+    supervisor::{Fault, Phase},
+    types::RotorVector,
+};
+
+/// From the lowest speeds to just below hover, s.
+pub(super) const RAMP: f64 = 3.0;
+/// Speeds at the end of the ramp, as a part of those in hover: the vehicle still stands.
+const RAMP_END: f64 = 0.95;
+
+impl Flight {
+    /// What the rotors are asked in this phase.
+    pub(super) fn control(&mut self, rotor_speeds: &RotorVector, dt: f64) {
+        let phase = self.supervisor.phase();
+        self.not_finite = false;
+        match phase {
+            Phase::Disarmed => self.command = RotorVector::zeros(),
+            Phase::Starting => self.command = self.min_speeds,
+            Phase::Grounded => {
+                self.ramp += dt;
+                let part = (self.ramp / RAMP).min(1.0);
+                let hover = self.params.vehicle.hover_speeds(&self.estimator.robot_state().rotation_wr);
+                let ramped = self.min_speeds + (hover * RAMP_END - self.min_speeds) * part;
+                self.accept(&ramped);
+            }
+            Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
+                let robot = self.estimator.robot_state();
+                let guided = self.guidance.step(phase, self.adrift, &robot, self.params.vehicle.tool(), dt);
+                let input = ControllerInput {
+                    state: robot,
+                    specific_force_r: self.estimator.specific_force_r(),
+                    rotor_speeds: *rotor_speeds,
+                    setpoint: guided.setpoint,
+                    compliant: guided.compliant,
+                    learn_bias: guided.learn_bias,
+                    lost_rotors: self.lost,
+                    fixed_attitude: phase == Phase::Emergency,
+                };
+                let output = self.controller.step(&mut self.control, &input, dt);
+                if self.accept(&self.rotor_model.made_up(&output.rotor_speeds)) {
+                    self.without_thrust = self.thrust.step(
+                        &self.params.vehicle,
+                        rotor_speeds,
+                        &output.contact(&robot, &self.control.bias_r),
+                        dt,
+                    );
+                    self.output = Some(output);
+                } else {
+                    // Whatever is not finite must not stay in the memory of the laws.
+                    self.not_finite = true;
+                    let bias_r = self.control.bias_r;
+                    self.control = ControllerState::default();
+                    if bias_r.is_finite() {
+                        self.control.bias_r = bias_r;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
+    pub(super) fn lose_rotors(&mut self, stopped: u16) {
+        let active = self.supervisor.active();
+        let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::ThrustLost]
+            .iter()
+            .any(|f| active.contains(*f));
+        let silent = |m: &session::Motor| m.emergency || !m.spinning;
+        let bits = self.session.motors().iter().enumerate();
+        let found = bits
+            .fold(stopped | self.without_thrust, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
+        let lost = if counted && self.supervisor.phase().in_flight() { found } else { 0 };
+        if lost != self.lost {
+            self.lost = lost;
+            self.adrift = lost != 0 && !self.controller.hovers_without(lost);
+        }
+    }
+
+    /// Takes a command that is finite, cut to the rotors' limits; keeps the last one otherwise.
+    fn accept(&mut self, command: &RotorVector) -> bool {
+        let finite = command.iter().all(|w| w.is_finite());
+        if finite {
+            self.command = command.sup(&self.min_speeds).inf(&self.max_speeds);
+        }
+        finite
+    }
+
+    /// Writes what the vehicle is told.
+    pub(super) fn send(&mut self, now: f64, out: &mut TickOutput) {
+        let phase = self.supervisor.phase();
+        match phase {
+            Phase::Disarmed => self.session.send_stop(now, out),
+            Phase::Starting => {
+                self.session.send_speeds(&self.command, out);
+                self.session.send_start(now, out);
+            }
+            Phase::Grounded | Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
+                self.session.send_speeds(&self.command, out);
+                if self.supervisor.active().contains(Fault::Reboot) {
+                    self.session.send_start(now, out);
+                }
+            }
+        }
+        self.session.talk(now, out);
+    }
+}

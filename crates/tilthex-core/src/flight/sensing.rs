@@ -1,0 +1,69 @@
+//! From samples and poses to the state that the laws use.
+
+use super::{
+    Flight, IMU_LATE,
+    io::{MAX_POSES, TickInput},
+    rotors::modelled_imu,
+};
+use crate::{
+    admittance::AdmittanceState,
+    so3,
+    types::{RobotState, RotorVector},
+};
+
+/// The estimate is corrected by more than this, m and rad, in a tick: a jump.
+const JUMP: (f64, f64) = (0.03, 0.03);
+
+impl Flight {
+    /// Feeds the estimator; where inertial samples are missing in flight, from the model.
+    pub(super) fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
+        let samples = self.session.imu().samples();
+        for s in samples {
+            self.estimator.predict(s.time, &s.gyro_i, &s.specific_force_i);
+        }
+        let late = self.session.imu().age(input.time) > IMU_LATE;
+        if samples.is_empty() && late && self.supervisor.phase().in_flight() {
+            let state = self.estimator.robot_state();
+            let external = self.control.observer.wrench;
+            let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
+            let gyro_i = model.gyro_i + self.estimator.gyro_bias();
+            let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
+            self.estimator.predict_modelled(input.time, &gyro_i, &specific_force_i);
+        }
+        for pose in input.poses.iter().take(MAX_POSES) {
+            if self.estimator.is_initialized() {
+                self.estimator.update_pose(pose);
+            } else if pose.tracking_valid && pose.is_finite() {
+                // The reason, until it succeeds, is what the operator is told.
+                self.start_refused =
+                    self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
+            }
+        }
+    }
+
+    /// A correction of the estimate is no motion: reference and set-point take part in
+    /// it, and fly back from there. A turn is left to the admittance filter's spring.
+    pub(super) fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
+        let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {
+            return;
+        };
+        let now = self.estimator.robot_state();
+        let expected_w = before.position_w + before.velocity_w * dt;
+        let turned = before.rotation_wr * so3::exp(&(before.angular_velocity_r * dt));
+        let turn = now.rotation_wr * turned.transpose();
+        let (far, wide) = JUMP;
+        if (now.position_w - expected_w).norm() < far && so3::angle(&turn) < wide {
+            return;
+        }
+        let r = &mut output.reference;
+        let moved_w = now.position_w + turn * (r.position_w - expected_w) - r.position_w;
+        r.position_w += moved_w;
+        r.rotation_we = turn * r.rotation_we;
+        r.velocity_w = turn * r.velocity_w;
+        r.angular_velocity_w = turn * r.angular_velocity_w;
+        output.setpoint.position_w += moved_w;
+        self.guidance.shift(moved_w);
+        self.control.admittance = AdmittanceState::at(r, &output.setpoint);
+        self.control.observer.forget_sample();
+    }
+}
