@@ -71,7 +71,7 @@ impl RotorModel {
         for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
             if now - motor.heard <= STALE && fabs(*expected) > fast {
                 *gain += (motor.speed / expected - *gain) * lag_fraction(rate, dt);
-                *gain = gain.clamp(least, 1.0);
+                *gain = gain.max(least).min(1.0);
             }
         }
     }

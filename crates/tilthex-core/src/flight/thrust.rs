@@ -3,7 +3,7 @@
 
 use crate::{
     GRAVITY, Vehicle,
-    types::{MAX_ROTORS, RotorVector, Vector6, Wrench},
+    types::{RotorVector, Vector6, Wrench},
 };
 
 /// Share of its wrench that a rotor without thrust lacks: less is a weak rotor, and more is something else.
@@ -53,10 +53,11 @@ fn suspect(vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> Opti
     if size < LEAST * vehicle.mass() * GRAVITY {
         return None;
     }
-    let columns = vehicle.allocation().column_iter().zip(speeds.iter()).take(vehicle.rotor_count());
+    let columns = vehicle.allocation().as_slice().chunks_exact(6).zip(speeds.iter());
     let mut best: Option<(usize, f64)> = None;
-    for (i, (column, speed)) in columns.enumerate().take(MAX_ROTORS) {
-        let given = scaled(&(column * (speed * speed.abs())));
+    for (i, (column, speed)) in columns.take(vehicle.rotor_count()).enumerate() {
+        let [a, b, c, d, e, f] = *column else { continue };
+        let given = scaled(&(Vector6::new(a, b, c, d, e, f) * (speed * speed.abs())));
         let missing = -found.dot(&given) / given.norm_squared().max(1e-12);
         let unexplained = (found + given * missing).norm() / size;
         if MISSING.contains(&missing) && unexplained < best.map_or(UNEXPLAINED, |(_, least)| least) {
