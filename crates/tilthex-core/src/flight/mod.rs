@@ -136,7 +136,7 @@ impl Flight {
             tick: 0,
             ramp: 0.0,
             touchdown: Touchdown::default(),
-            thrust: ThrustWatch::default(),
+            thrust: ThrustWatch::new(&vehicle),
             without_thrust: 0,
             lost: 0,
             adrift: false,

@@ -16,14 +16,22 @@ const LEAST: f64 = 0.05;
 const AFTER: f64 = 0.06;
 
 /// The rotor that explains the external wrench, and those that did for long enough.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ThrustWatch {
+    /// Length at which a torque counts as a force, m: the farthest rotor's distance.
+    arm: f64,
     suspect: Option<usize>,
     since: f64,
     lost: u16,
 }
 
 impl ThrustWatch {
+    /// Nothing suspected yet.
+    pub(super) fn new(vehicle: &Vehicle) -> Self {
+        let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(1e-3, f64::max);
+        Self { arm, suspect: None, since: 0.0, lost: 0 }
+    }
+
     /// One tick in flight: speeds in Hz, the external wrench (force and torque in R, without bias).
     /// Bit `i` is set where rotor `i` (from 0) has lost its thrust; that is not taken back.
     pub(super) fn step(
@@ -33,7 +41,7 @@ impl ThrustWatch {
         external_r: &Wrench,
         dt: f64,
     ) -> u16 {
-        let suspect = suspect(vehicle, speeds, external_r).filter(|i| self.lost >> i & 1 == 0);
+        let suspect = suspect(vehicle, self.arm, speeds, external_r).filter(|i| self.lost >> i & 1 == 0);
         self.since = if suspect.is_some() && suspect == self.suspect { self.since + dt } else { 0.0 };
         self.suspect = suspect;
         if let Some(rotor) = suspect.filter(|_| self.since > AFTER) {
@@ -44,9 +52,7 @@ impl ThrustWatch {
 }
 
 /// The rotor whose missing thrust explains the external wrench.
-fn suspect(vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> Option<usize> {
-    let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(1e-3, f64::max);
-    // Torques as forces at the arms' length.
+fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrench) -> Option<usize> {
     let scaled = |w: &Vector6| Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm);
     let found = scaled(&external_r.to_vector());
     let size = found.norm();
@@ -87,7 +93,7 @@ mod tests {
                 let mut lacking = RotorVector::zeros();
                 lacking[rotor] = speeds[rotor] * f64::sqrt(1.0 - kept);
                 let external = Wrench::ZERO - vehicle.body_wrench(&lacking);
-                let mut watch = ThrustWatch::default();
+                let mut watch = ThrustWatch::new(&vehicle);
                 let lost = (0..50).map(|_| watch.step(&vehicle, &speeds, &external, 0.002)).last();
                 assert_eq!(lost, Some(if is_lost { 1 << rotor } else { 0 }), "{rotor} {kept}");
             }
@@ -102,7 +108,7 @@ mod tests {
             let speeds = vehicle.hover_speeds(&Matrix3::identity());
             let force = Vector3::from(f).normalize() * size;
             let torque = vehicle.tool().position_r.cross(&force);
-            prop_assert_eq!(suspect(&vehicle, &speeds, &Wrench { force, torque }), None);
+            prop_assert_eq!(suspect(&vehicle, 0.39, &speeds, &Wrench { force, torque }), None);
         }
     }
 }
