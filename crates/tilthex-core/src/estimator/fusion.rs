@@ -1,7 +1,7 @@
 //! Samples and poses into the filter: at their time, in order, a bounded number of steps a tick.
 
 use super::{
-    Estimator, Outcome, POSITION_LIMIT, PoseReport, STEPS_PER_TICK,
+    Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, STEPS_PER_TICK,
     history::{ImuEntry, PoseEntry},
     params::ImuPose,
     trust::Agreement,
@@ -21,6 +21,8 @@ const GAP: f64 = 0.02;
 
 /// Past this a rotation contradicts the state because markers were swapped, rad.
 const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
+/// So long after a sample that was not simply measured the state is doubtful, s.
+const DOUBT: f64 = 0.1;
 /// Share of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
@@ -32,10 +34,9 @@ impl Estimator {
         self.predict_observed(time, gyro_i, specific_force_i, &mut |_| ());
     }
 
-    /// Takes what a model of the vehicle puts in the place of a missing
-    /// sample. Its rate is no measurement: poses correct it, as a bias.
-    pub fn predict_modelled(&mut self, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
-        self.take_sample(time, gyro_i, specific_force_i, true, &mut |_| ());
+    /// [`predict`](Self::predict) with a sample that is not simply measured.
+    pub fn predict_as(&mut self, quality: Quality, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
+        self.take_sample(time, gyro_i, specific_force_i, quality, &mut |_| ());
     }
 
     /// [`predict`](Self::predict), with a report on every pose that is applied in its course.
@@ -46,7 +47,7 @@ impl Estimator {
         specific_force_i: &Vector3,
         observe: &mut impl FnMut(&PoseReport),
     ) {
-        self.take_sample(time, gyro_i, specific_force_i, false, observe);
+        self.take_sample(time, gyro_i, specific_force_i, Quality::Measured, observe);
     }
 
     fn take_sample(
@@ -54,7 +55,7 @@ impl Estimator {
         time: f64,
         gyro_i: &Vector3,
         specific_force_i: &Vector3,
-        modelled: bool,
+        quality: Quality,
         observe: &mut impl FnMut(&PoseReport),
     ) {
         let last = self.samples.newest().map(|s| s.time);
@@ -66,7 +67,7 @@ impl Estimator {
             count(&mut self.counts.imu_rejected);
             return;
         }
-        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, modelled });
+        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
         if dt > GAP {
@@ -217,10 +218,10 @@ impl Estimator {
 
     /// The filter for the interval of a length before a sample.
     pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
-        match (self.samples.get(number).modelled, length > GAP) {
-            (true, _) => self.model_filter,
-            (false, true) => self.gap_filter,
-            (false, false) => self.filter,
+        match self.samples.get(number).quality {
+            Quality::Modelled => self.model_filter,
+            Quality::Measured if length <= GAP => self.filter,
+            Quality::Measured | Quality::Shaken => self.gap_filter,
         }
     }
 
@@ -279,10 +280,10 @@ impl Estimator {
     /// than configured, or right.
     fn contradict(&mut self, time: f64, measured: &ImuPose, innovation: &Innovation<6>) -> Outcome {
         let noise = (self.params.position_noise, self.params.rotation_noise);
-        // A model has less to say against poses than an IMU.
-        let modelled = self.head.next_sample > 0 && self.samples.get(self.head.next_sample - 1).modelled;
+        // Neither a model nor an impact has much to say against poses.
+        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT);
         let trust = &mut self.head.trust;
-        let long = modelled || time - trust.accepted > self.params.reacquire_after;
+        let long = doubtful || time - trust.accepted > self.params.reacquire_after;
         let agreement = trust.refuse(time, &innovation.residual, noise);
         let Some(agreement) = agreement.filter(Agreement::is_credible) else { return Outcome::Rejected };
         if agreement.noise > trust.noise {

@@ -1,6 +1,6 @@
 //! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
 
-use super::{Head, trust::Trust};
+use super::{Head, Quality, trust::Trust};
 use crate::{
     types::{Matrix3, Vector3},
     ukf::PackedState,
@@ -19,7 +19,7 @@ pub(super) struct ImuEntry {
     pub(super) time: f64,
     pub(super) gyro: Vector3,
     pub(super) force: Vector3,
-    pub(super) modelled: bool,
+    pub(super) quality: Quality,
 }
 
 /// The newest samples, by a number that counts up from zero.
@@ -33,7 +33,8 @@ impl ImuHistory {
     pub(super) const EMPTY: Self = {
         let zero = Vector3::new(0.0, 0.0, 0.0);
         Self {
-            entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, modelled: false }; SAMPLES as usize],
+            entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, quality: Quality::Measured };
+                SAMPLES as usize],
             count: 0,
         }
     };
@@ -41,6 +42,13 @@ impl ImuHistory {
     pub(super) fn push(&mut self, entry: ImuEntry) {
         self.entries[(self.count % SAMPLES) as usize] = entry;
         self.count += 1;
+    }
+
+    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured.
+    pub(super) fn doubtful(&self, next: u64, time: f64) -> bool {
+        let first = next.saturating_sub(SAMPLES / 2);
+        let Some(newest) = next.checked_sub(1).map(|last| self.get(last).time) else { return false };
+        (first..next).map(|n| self.get(n)).any(|s| s.quality != Quality::Measured && newest - s.time <= time)
     }
 
     /// Number of the next sample.

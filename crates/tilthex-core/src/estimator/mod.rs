@@ -50,6 +50,19 @@ const GAP_NOISE: ProcessNoise =
 const MODEL_NOISE: ProcessNoise =
     ProcessNoise { gyro: 0.05, accelerometer: 0.3, gyro_bias: 1.0, accelerometer_bias: 1e-3 };
 
+/// Where an inertial sample comes from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// From the IMU.
+    #[default]
+    Measured,
+    /// From the IMU, after readings that went off its range or leapt about: an impact, of which little is known.
+    Shaken,
+    /// From a model of the vehicle, in the place of a missing sample. Its rate is no measurement:
+    /// poses correct it, as a bias.
+    Modelled,
+}
+
 /// The filter, where it stands.
 #[derive(Clone, Copy, Debug)]
 struct Head {

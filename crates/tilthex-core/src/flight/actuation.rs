@@ -1,6 +1,6 @@
 //! From the state to what the rotors are asked, and to the bytes that ask it.
 
-use super::{Flight, io::TickOutput, session};
+use super::{Flight, io::TickOutput};
 use crate::{
     controller::{ControllerInput, ControllerState},
     supervisor::{Fault, Phase},
@@ -62,17 +62,15 @@ impl Flight {
         }
     }
 
-    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs.
+    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs. Bits alone do
+    /// not tell: the line has no checksum, and a motor that turns as it should carries.
     pub(super) fn lose_rotors(&mut self, stopped: u16) {
         let active = self.supervisor.active();
         let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::ThrustLost]
             .iter()
             .any(|f| active.contains(*f));
-        let silent = |m: &session::Motor| m.emergency || !m.spinning;
-        let bits = self.session.motors().iter().enumerate();
-        let found = bits
-            .fold(stopped | self.without_thrust, |set, (i, m)| if silent(m) { set | 1 << i } else { set });
-        let lost = if counted && self.supervisor.phase().in_flight() { found } else { 0 };
+        let in_flight = self.supervisor.phase().in_flight();
+        let lost = if counted && in_flight { stopped | self.without_thrust } else { 0 };
         if lost != self.lost {
             self.lost = lost;
             self.adrift = lost != 0 && !self.controller.hovers_without(lost);

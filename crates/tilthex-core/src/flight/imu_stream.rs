@@ -33,6 +33,8 @@ pub struct Inertial {
     pub gyro_i: Vector3,
     /// Specific force, m/s^2.
     pub specific_force_i: Vector3,
+    /// Whether readings before it went off the range, or leapt about.
+    pub shaken: bool,
 }
 
 /// The stream.
@@ -48,6 +50,8 @@ pub(super) struct ImuStream {
     last_frame: Option<ImuFrame>,
     same_frames: u32,
     saturated: bool,
+    leapt: bool,
+    shaken: bool,
     heard: f64,
 }
 
@@ -65,7 +69,8 @@ impl ImuStream {
         let zero = Vector3::zeros();
         Ok(Self {
             scales: params.scales,
-            samples: [Inertial { time: 0.0, gyro_i: zero, specific_force_i: zero }; MAX_SAMPLES],
+            samples: [Inertial { time: 0.0, gyro_i: zero, specific_force_i: zero, shaken: false };
+                MAX_SAMPLES],
             sample_count: 0,
             clock: SequenceClock::new(period, ClockParams::default())?,
             gate: Gate::new(gate)?,
@@ -74,6 +79,8 @@ impl ImuStream {
             last_frame: None,
             same_frames: 0,
             saturated: false,
+            leapt: false,
+            shaken: false,
             heard: -1e9,
         })
     }
@@ -113,15 +120,20 @@ impl ImuStream {
         self.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
         let (f, w) = scales.decode(frame);
         let verdict = self.gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
+        // Twice in a row is no flipped bit.
+        let leaps = verdict == Verdict::Jump;
+        self.shaken |= self.saturated || (leaps && self.leapt);
+        self.leapt = leaps;
         self.refused_now |= verdict != Verdict::Pass;
         if self.frozen() || self.saturated || verdict != Verdict::Pass {
             return;
         }
         self.heard = now;
         if let Some(slot) = self.samples.get_mut(self.sample_count) {
-            *slot = Inertial { time, gyro_i: w, specific_force_i: f };
+            *slot = Inertial { time, gyro_i: w, specific_force_i: f, shaken: self.shaken };
             self.sample_count += 1;
         }
+        self.shaken = false;
     }
 
     /// Samples of this tick, oldest first.

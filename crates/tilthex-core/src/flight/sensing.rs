@@ -7,7 +7,9 @@ use super::{
 };
 use crate::{
     admittance::AdmittanceState,
+    estimator::Quality,
     so3,
+    supervisor::Fault,
     types::{RobotState, RotorVector},
 };
 
@@ -19,7 +21,8 @@ impl Flight {
     pub(super) fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
         let samples = self.session.imu().samples();
         for s in samples {
-            self.estimator.predict(s.time, &s.gyro_i, &s.specific_force_i);
+            let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
+            self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
         }
         let late = self.session.imu().age(input.time) > IMU_LATE;
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
@@ -28,7 +31,11 @@ impl Flight {
             let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
             let gyro_i = model.gyro_i + self.estimator.gyro_bias();
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
-            self.estimator.predict_modelled(input.time, &gyro_i, &specific_force_i);
+            // What has just gone off its range is an impact, until it lasts.
+            let broken = self.supervisor.active().contains(Fault::ImuSaturated);
+            let shaken = self.session.imu().saturated() && !broken;
+            let quality = if shaken { Quality::Shaken } else { Quality::Modelled };
+            self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
         }
         for pose in input.poses.iter().take(MAX_POSES) {
             if self.estimator.is_initialized() {

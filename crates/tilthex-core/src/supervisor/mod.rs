@@ -166,7 +166,8 @@ impl Supervisor {
                 Phase::Disarmed
             }
             Phase::Starting if facts.all_spinning => Phase::Grounded,
-            Phase::Grounded if facts.ramp_done => Phase::Flying,
+            // Nobody takes off into a fault that would hold him.
+            Phase::Grounded if facts.ramp_done && worst < Reaction::Hold => Phase::Flying,
             Phase::Starting | Phase::Grounded => before,
             Phase::Flying | Phase::Holding => match worst {
                 Reaction::Note | Reaction::Refuse => Phase::Flying,
