@@ -18,8 +18,9 @@ compares the two.
   the position returns.
 
 Where several faults last, the last-named reaction among theirs holds. Motors stop only when the ground carries the vehicle, or on
-the operator's explicit kill. It does so when, on the way down, the rotors give less than 70 % of the weight to a vehicle that is slower than
-0.3 m/s for 0.2 s, or when 30 % of the weight is felt as an external force for 0.5 s (0.2 s once it has toppled). When the program itself dies, the vehicle's own watchdog takes the rotors to their
+the operator's explicit kill. It does so when, on the way down, the rotors give less than 70 % of the weight to a vehicle that rises or sinks no faster than
+0.3 m/s for 0.2 s, or when 30 % of the weight is felt as an external force for 0.5 s (0.1 s once it has toppled, or
+without a rotor). When the program itself dies, the vehicle's own watchdog takes the rotors to their
 lowest speed 500 ms after the last command (the vehicle falls), and disarms 10 s later: nothing on the base PC can
 mend that, so the process must not die; see the real-time notes in [loop.md](loop.md).
 

@@ -329,8 +329,9 @@ impl Flight {
         let seen = touchdown::Seen {
             missing: weight - (thrust_w + bias_w).z,
             observed_w: (self.session.imu().age(now) < IMU_LATE).then(|| output.wrench_robot.force - bias_w),
-            velocity: robot.velocity_w.norm(),
+            velocity: robot.velocity_w.z,
             toppled: self.supervisor.active().contains(Fault::Tilt),
+            adrift: self.adrift,
         };
         self.touchdown.step(&seen, weight, dt)
     }

@@ -4,10 +4,11 @@ use crate::types::Vector3;
 
 /// The part of its weight that must be carried.
 const SHARE: f64 = 0.3;
-/// A vehicle that stands is slower than this, m/s, for so long, s.
+/// A vehicle that stands neither rises nor sinks faster than this, m/s, for so long, s.
 const STILL: (f64, f64) = (0.3, 0.2);
-/// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled bounces about.
-const FELT: (f64, f64) = (0.5, 0.2);
+/// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled, or comes down
+/// without a rotor, bounces about.
+const FELT: (f64, f64) = (0.5, 0.1);
 
 /// What tells of the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -16,10 +17,12 @@ pub(super) struct Seen {
     pub(super) missing: f64,
     /// External force by the accelerometer, N, world; none where it is not to be had.
     pub(super) observed_w: Option<Vector3>,
-    /// Speed, m/s.
+    /// Speed upwards, m/s.
     pub(super) velocity: f64,
     /// Whether the vehicle has tilted beyond its limit: then the estimate's up may be wrong too.
     pub(super) toppled: bool,
+    /// Whether it comes down without a rotor that it takes to hover.
+    pub(super) adrift: bool,
 }
 
 /// For how long each sign of the ground has been there, s.
@@ -31,16 +34,16 @@ pub(super) struct Touchdown {
 
 impl Touchdown {
     /// One tick. Two signs, of which either will do, since each fails in its own way: rotors that do not carry a
-    /// vehicle that stays where it is (no accelerometer needed), and a force that is felt (no position needed).
+    /// vehicle that stays at its height (no accelerometer needed), and a force that is felt (no position needed).
     pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
         let (slow, time) = STILL;
-        let stands = seen.missing > SHARE * weight && seen.velocity < slow;
+        let stands = seen.missing > SHARE * weight && seen.velocity.abs() < slow;
         self.still = if stands { self.still + dt } else { 0.0 };
         let carried = |force: Vector3| if seen.toppled { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
         self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
-        let (upright, toppled) = FELT;
-        self.still > time || self.felt > if seen.toppled { toppled } else { upright }
+        let (steady, bouncing) = FELT;
+        self.still > time || self.felt > if seen.toppled || seen.adrift { bouncing } else { steady }
     }
 }
 
@@ -48,8 +51,13 @@ impl Touchdown {
 mod tests {
     use super::*;
 
-    const AIR: Seen =
-        Seen { missing: 0.0, observed_w: Some(Vector3::new(0.0, 0.0, 0.0)), velocity: 0.1, toppled: false };
+    const AIR: Seen = Seen {
+        missing: 0.0,
+        observed_w: Some(Vector3::new(0.0, 0.0, 0.0)),
+        velocity: 0.1,
+        toppled: false,
+        adrift: false,
+    };
 
     /// The time until the ground is believed in, ms.
     fn time(seen: &Seen) -> Option<u32> {
@@ -66,6 +74,6 @@ mod tests {
         assert_eq!(time(&Seen { observed_w: up, velocity: 3.0, ..AIR }), Some(500));
         let aside = Some(Vector3::new(10.0, 0.0, 0.0));
         assert_eq!(time(&Seen { observed_w: aside, ..AIR }), None);
-        assert_eq!(time(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(200));
+        assert_eq!(time(&Seen { observed_w: aside, toppled: true, velocity: 3.0, ..AIR }), Some(100));
     }
 }
