@@ -7,7 +7,7 @@ use std::{fmt, process::ExitCode};
 pub enum Kind {
     /// Usage or configuration: 2.
     Usage,
-    /// The vehicle's link: 3.
+    /// The vehicle's link, or the world behind a simulated vehicle: 3.
     Link,
     /// A fault ended the flight, the vehicle landed: 4.
     Fault,
