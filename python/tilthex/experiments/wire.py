@@ -20,7 +20,7 @@ import numpy as np
 import tilthex
 from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
-from tilthex.experiments.spec import LIMITS, Run, Waypoint
+from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
 
 FLOWN = ("sliding", "multi-contact")
 """What can be flown so: a free tool, without pulls and swings, softness as the file has it."""
@@ -65,14 +65,14 @@ class Files:
         return cls(*(stem.with_name(stem.name + end) for end in ends))
 
 
-def check(run: Run) -> None:
-    """Refuses a run that can not be flown so.
+def check(experiment: Experiment) -> None:
+    """Refuses an experiment that can not be flown so.
 
     Raises:
         ValueError: With those that can.
     """
-    if run.experiment not in FLOWN:
-        raise ValueError(f"--wire flies {' and '.join(FLOWN)}, not {run.experiment}")
+    if experiment.kind not in FLOWN:
+        raise ValueError(f"--wire flies {' and '.join(FLOWN)}, not {experiment.kind}")
 
 
 def route(run: Run) -> Route:
@@ -173,7 +173,9 @@ def program(name: str) -> str:
     beside = Path(sys.executable).parent / name
     found = str(beside) if beside.exists() else shutil.which(name)
     if found is None:
-        raise OSError(f"{name} is neither in {beside.parent} nor on the path; pip install tilthex puts it there")
+        raise OSError(
+            f"{name} is neither in {beside.parent} nor on the path; pip install tilthex puts it there"
+        )
     return found
 
 

@@ -35,7 +35,9 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     columns = log.read(files.log, TOPICS)
     lengths = {len(found["log_time"]) for found in columns.values()}
     if len(lengths) != 1:
-        raise ValueError(f"{files.log} has topics of {len(lengths)} lengths; expected one message each a tick")
+        raise ValueError(
+            f"{files.log} has topics of {len(lengths)} lengths; expected one message each a tick"
+        )
     time = columns["/flight"]["time"]
     begin = _begin(columns, files.log)
     trajectory = route.trajectory
@@ -57,7 +59,7 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     record.phase = owner[np.minimum(on_way, count - 1)]
     if np.any(columns["/flight"]["phase"][rows] != FLYING):
         record.ended = "the supervisor held the tool back"
-    return record, _notes(columns, rows)
+    return record, [*_notes(columns, rows), _off(record)]
 
 
 def _begin(columns: dict[str, log.Columns], path: Path) -> float:
@@ -127,6 +129,12 @@ def _notes(columns: dict[str, log.Columns], rows: NDArray[np.int64]) -> list[str
         f"wake-up {_quantiles(timing['wake_latency'])} late",
         f"command {_quantiles(latency)} after its IMU sample was found",
     ]
+
+
+def _off(record: Record) -> str:
+    """How far the true tool was from where the controller wanted it."""
+    off = np.linalg.norm(record.tool_position - record.reference_position, axis=1)
+    return f"true tool {1e3 * np.max(off):.2f} mm at most from its reference"
 
 
 def _quantiles(nanoseconds: Vector) -> str:

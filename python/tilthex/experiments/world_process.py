@@ -16,7 +16,7 @@ import signal
 import struct
 import sys
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +70,7 @@ class Truth:
     def save(self, path: Path) -> None:
         """Writes a NumPy archive."""
         length = len(self._times)
-        columns = {
+        columns: dict[str, Any] = {
             name: np.concatenate([np.zeros((0, *shape)), *(chunk[name] for chunk in self._chunks)])[:length]
             for name, shape in self._shapes.items()
         }
