@@ -167,9 +167,9 @@ def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tup
     files = wire.Files.beside(arguments.out / stem)
     shape = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s"
     with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, file=sys.stderr, leave=False) as bar:
-        wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
-    record, said = wire_record.read(one, wire.route(one), files)
-    return record, "; ".join(said)
+        said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
+    record, notes = wire_record.read(one, wire.route(one), files)
+    return record, "; ".join(notes + said)
 
 
 def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:

@@ -8,12 +8,13 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -28,6 +29,8 @@ CLEARANCE = 0.25
 """The ways from and to the stand pass this far above the trajectory's ends, m."""
 TAKE_OFF = 0.6
 """Height of the first hover over the stand, m."""
+LANDING = 40.0
+"""A program that is interrupted in flight has so long to land, s."""
 AROUND = 20.0
 """Start, take-off, learning of the bias and landing take about so long, s."""
 
@@ -101,13 +104,16 @@ def _over(point: Waypoint) -> Waypoint:
     return Waypoint("transit", place, point.rpy_deg, 0.0, 0.0, (0.0,) * 6)
 
 
-def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = None) -> None:
-    """Flies a run and leaves its log, its truth and the summary.
+def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = None) -> list[str]:
+    """Flies a run and leaves its log, its truth and the summary of `tilthex-rt`.
 
     Args:
         run: What to fly.
         files: What is written, and what is read for it.
         progress: Called with the seconds since its last call.
+
+    Returns:
+        How far the world was behind the clock, and what `tilthex-rt` warned of.
 
     Raises:
         OSError: A program is missing, or ended otherwise than it should; with its own sentence.
@@ -130,38 +136,72 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     ]
     text = toml_text({"limits": dict(flown.limits), "waypoint": points})
     files.trajectory.write_text(text, encoding="utf-8")
-    files.world.write_text(toml_text(_world(run)), encoding="utf-8")
+    files.world.write_text(toml_text(world_table(run)), encoding="utf-8")
     for path in (files.log, files.truth):
         path.unlink(missing_ok=True)
     mocap = f"natnet://127.0.0.1:{_free_port()}/TILTHEX"
     common = ["--config", str(files.config), "--mocap", mocap]
     world = ["--world", str(files.world), "--world-truth", str(files.truth), "--seed", str(run.seed)]
     with ExitStack() as stack:
-        errors = stack.enter_context(files.summary.with_suffix(".err").open("w+", encoding="utf-8"))
-        simulated = subprocess.Popen(
-            [program("tilthex-sim"), *common, *world], stdout=subprocess.PIPE, stderr=errors, text=True
-        )
-        stack.callback(_end, simulated)
-        assert simulated.stdout is not None
-        port = simulated.stdout.readline().strip()
+        simulated = Program(stack, "tilthex-sim", [*common, *world], subprocess.PIPE)
+        assert simulated.process.stdout is not None
+        port = simulated.process.stdout.readline().strip()
         if not port:
-            simulated.wait()
-            raise OSError(_said("tilthex-sim", errors))
+            simulated.process.wait()
+            raise OSError(simulated.sentence())
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
         link = ["--port", port, "--baud", "0", "--log", str(files.log), "--trajectory", str(files.trajectory)]
-        controller = subprocess.Popen(
-            [program("tilthex-rt"), *common, *link], stdout=summary, stderr=errors, text=True
+        controller = Program(stack, "tilthex-rt", [*common, *link], summary)
+        _watch(controller.process, progress)
+        if simulated.process.poll() is not None:
+            raise OSError(simulated.sentence())
+        if controller.process.returncode != 0:
+            raise OSError(f"{controller.sentence()} (the log is {files.log})")
+        simulated.process.send_signal(signal.SIGINT)
+        lag = simulated.process.stdout.read().strip()
+        if simulated.process.wait() != 0:
+            raise OSError(simulated.sentence())
+        return [lag, *controller.warnings()]
+
+
+class Program:
+    """One of the Rust programs; it lands and ends with the stack that it is entered into."""
+
+    def __init__(self, stack: ExitStack, name: str, arguments: Sequence[str], output: int | IO[str]) -> None:
+        self._name = name
+        errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - the stack closes it
+        self._errors = stack.enter_context(errors)
+        # In a session of its own: an interrupt is for this program, which ends the two in their order.
+        self.process = subprocess.Popen(
+            [program(name), *arguments],
+            stdout=output,
+            stderr=self._errors,
+            text=True,
+            start_new_session=True,
         )
-        stack.callback(_end, controller)
-        _watch(controller, simulated, progress)
-        if controller.returncode != 0 or simulated.poll() is not None:
-            raise OSError(_said("tilthex-rt", errors) + f" (the log is {files.log})")
-        simulated.send_signal(signal.SIGINT)
-        lag = simulated.stdout.read().strip()
-        if simulated.wait() != 0:
-            raise OSError(_said("tilthex-sim", errors))
-        summary.write(lag + "\n")
-    files.summary.with_suffix(".err").unlink()
+        stack.callback(self._end)
+
+    def sentence(self) -> str:
+        """What it said of a bad end."""
+        lines = [line for line in self._lines() if "warning:" not in line]
+        return lines[-1] if lines else f"{self._name} ended without a word ({self.process.returncode})"
+
+    def warnings(self) -> list[str]:
+        """What it warned of."""
+        return [line for line in self._lines() if "warning:" in line]
+
+    def _lines(self) -> list[str]:
+        self._errors.seek(0)
+        return [line.strip() for line in self._errors if line.strip()]
+
+    def _end(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(LANDING)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
 
 
 def program(name: str) -> str:
@@ -199,7 +239,7 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
     return "".join(lines + below)
 
 
-def _world(run: Run) -> dict[str, Any]:
+def world_table(run: Run) -> dict[str, Any]:
     """An experiment's file with this run alone."""
     points = [asdict(point) for point in run.waypoints]
     return {
@@ -221,35 +261,12 @@ def _free_port() -> int:
         return int(line.getsockname()[1])
 
 
-def _watch(
-    controller: subprocess.Popen[str],
-    simulated: subprocess.Popen[str],
-    progress: Callable[[float], object] | None,
-) -> None:
+def _watch(process: subprocess.Popen[str], progress: Callable[[float], object] | None) -> None:
     """Waits for the end of the flight; where the vehicle ends first, the controller follows by itself."""
     last = time.monotonic()
-    while controller.poll() is None:
+    while process.poll() is None:
         time.sleep(0.1)
         now = time.monotonic()
         if progress is not None:
             progress(now - last)
         last = now
-    simulated.poll()
-
-
-def _end(process: subprocess.Popen[str]) -> None:
-    """Lets a program that still runs land and end."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-        try:
-            process.wait(40.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-
-def _said(name: str, errors: Any) -> str:
-    """The sentence of a program that ended badly: its last line that is no warning."""
-    errors.seek(0)
-    lines = [line.strip() for line in errors if line.strip() and "warning:" not in line]
-    return lines[-1] if lines else f"{name} ended without a word"

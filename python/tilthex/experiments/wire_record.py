@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+import tilthex
 from tilthex import log
 from tilthex.experiments.record import COLUMNS, Record
 from tilthex.experiments.spec import Run
@@ -51,7 +52,8 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     record = Record(_truth(files.truth, time[rows]), list(dict.fromkeys(p.phase for p in run.waypoints)))
     record.run = run.name
     record.columns["time"] = time[rows] - begin - arrival
-    record.columns |= {name: values[rows] for name, values in _chain(columns).items()}
+    chain = {name: values[rows] for name, values in _chain(columns).items()}
+    record.take(chain, tilthex.Vehicle.preset(run.vehicle).tool_rotation)
     record.seconds = float(leave - arrival)
     # The run's way-point that each row is on the way to, or stays at.
     on_way = np.searchsorted(begins[route.first :], time[rows] - begin, side="right")
@@ -99,7 +101,7 @@ def _truth(path: Path, times: Vector) -> dict[str, Vector]:
 
 
 def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
-    """The columns that `tilthex.Loop.record` has, and the tool's orientation, estimated."""
+    """The columns that `tilthex.Loop.record` has."""
     state, wrench, control = columns["/state"], columns["/wrench"], columns["/control"]
     found = {
         "estimated_position": state["position_w"],
@@ -107,7 +109,7 @@ def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
         "estimated_rotation": rotations_from_quaternions(state["orientation"]),
         "position_error": control["position_error_w"],
         "rotation_error": control["rotation_error_r"],
-        "saturated": control["saturated"],
+        "saturated": control["saturated"][:, None],
     }
     for name in ("setpoint", "reference"):
         target = columns[f"/{name}"]
