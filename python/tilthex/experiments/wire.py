@@ -29,8 +29,10 @@ CLEARANCE = 0.25
 """The ways from and to the stand pass this far above the trajectory's ends, m."""
 TAKE_OFF = 0.6
 """Height of the first hover over the stand, m."""
-LANDING = 40.0
+LANDING = 20.0
 """A program that is interrupted in flight has so long to land, s."""
+PATIENCE = 40.0
+"""A flight that lasts so much longer than expected has lost its vehicle, s."""
 AROUND = 20.0
 """Start, take-off, learning of the bias and landing take about so long, s."""
 
@@ -152,7 +154,7 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
         link = ["--port", port, "--baud", "0", "--log", str(files.log), "--trajectory", str(files.trajectory)]
         controller = Program(stack, "tilthex-rt", [*common, *link], summary)
-        _watch(controller.process, progress)
+        _watch(controller.process, expected(run) + PATIENCE, files, progress)
         if simulated.process.poll() is not None:
             raise OSError(simulated.sentence())
         if controller.process.returncode != 0:
@@ -202,6 +204,8 @@ class Program:
             except subprocess.TimeoutExpired:
                 self.process.kill()
                 self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
 
 
 def program(name: str) -> str:
@@ -261,12 +265,22 @@ def _free_port() -> int:
         return int(line.getsockname()[1])
 
 
-def _watch(process: subprocess.Popen[str], progress: Callable[[float], object] | None) -> None:
+def _watch(
+    process: subprocess.Popen[str],
+    patience: float,
+    files: Files,
+    progress: Callable[[float], object] | None,
+) -> None:
     """Waits for the end of the flight; where the vehicle ends first, the controller follows by itself."""
-    last = time.monotonic()
+    begun = last = time.monotonic()
     while process.poll() is None:
         time.sleep(0.1)
         now = time.monotonic()
         if progress is not None:
             progress(now - last)
+        if now - begun > patience:
+            raise OSError(
+                f"the flight did not end within {patience:.0f} s: the vehicle is lost; {files.summary} says how "
+                "many ticks were late, and a machine that stops in flight for 0.2 s is enough"
+            )
         last = now
