@@ -55,7 +55,7 @@ def fly(run: spec.Run, files: wire.Files, chances: int = 3) -> tuple[Record, lis
 
 
 def longest_silence(path: Path) -> float:
-    """The longest time between two ticks with inertial samples, s; a log that breaks off is read as far as it goes."""
+    """The longest time between two ticks with inertial samples, s; the log may break off."""
     times: list[float] = []
     samples: list[int] = []
     with path.open("rb") as file, contextlib.suppress(McapError):

@@ -280,7 +280,7 @@ def _watch(
             progress(now - last)
         if now - begun > patience:
             raise OSError(
-                f"the flight did not end within {patience:.0f} s: the vehicle is lost; {files.summary} says how "
-                "many ticks were late, and a machine that stops in flight for 0.2 s is enough"
+                f"the flight did not end within {patience:.0f} s: the vehicle is lost; {files.summary} says "
+                "how many ticks were late, and a machine that stops in flight for 0.2 s is enough"
             )
         last = now
