@@ -51,7 +51,11 @@ def contact_geom(parent: ET.Element, friction: float, **attributes: str) -> ET.E
 
 
 def robot_body(
-    vehicle: Vehicle, position: Iterable[float], rotation: Vector, tool_length: float
+    vehicle: Vehicle,
+    position: Iterable[float],
+    rotation: Vector,
+    tool_length: float,
+    feet: Sequence[ET.Element] = (),
 ) -> ET.Element:
     """The robot: inertia, rod, sites `tool`, `imu`, `centre_of_mass`, and discs to look at."""
     body = ET.Element("body", name="robot", pos=numbers(position), quat=quaternion(rotation))
@@ -74,6 +78,7 @@ def robot_body(
     imu = {"pos": numbers(vehicle.imu_position), "quat": quaternion(vehicle.imu_rotation)}
     ET.SubElement(body, "site", imu, name="imu")
     _looks(body, vehicle, tip + tool_length * up)
+    body.extend(feet)
     return body
 
 
@@ -82,6 +87,7 @@ def to_mjcf(
     world: Sequence[ET.Element] = (),
     *,
     extra: Sequence[ET.Element] = (),
+    feet: Sequence[ET.Element] = (),
     position: Iterable[float] = (0.0, 0.0, 1.0),
     rotation: Vector | None = None,
     tool_length: float = 0.2,
@@ -93,6 +99,7 @@ def to_mjcf(
             controls are inputs u = w |w| in Hz^2 within the rotors' limits.
         world: Elements of the world body.
         extra: Elements of the model itself, such as `equality`.
+        feet: Elements of the robot's body, R; those without mass leave its inertia alone.
         position: Where the centre of mass starts, m, W.
         rotation: How the robot is turned at the start, robot to world; level without it.
         tool_length: Length of the rod behind the tip, m.
@@ -116,7 +123,7 @@ def to_mjcf(
     body = ET.SubElement(model, "worldbody")
     ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")
     body.extend(world)
-    body.append(robot_body(vehicle, position, np.eye(3) if rotation is None else rotation, tool_length))
+    body.append(robot_body(vehicle, position, np.eye(3) if rotation is None else rotation, tool_length, feet))
     actuators = ET.SubElement(model, "actuator")
     limits = vehicle.rotor_speed_limits
     inputs = limits * np.abs(limits)

@@ -130,6 +130,20 @@ impl Plant {
         (r.position_w + r.rotation_wr * tool.position_r, r.rotation_wr * tool.rotation_r)
     }
 
+    /// What a perfect IMU says at its mounting.
+    #[must_use]
+    pub fn imu(&self, state: &PlantState, external: &Wrench) -> ImuSample {
+        let imu = self.vehicle.imu();
+        let (acceleration_w, alpha_r) = self.accelerations(state, external);
+        let omega = state.robot.angular_velocity_r;
+        let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
+        let specific_force_r = state.robot.rotation_wr.transpose() * free_w
+            + alpha_r.cross(&imu.position_r)
+            + omega.cross(&omega.cross(&imu.position_r));
+        let to_imu = imu.rotation_r.transpose();
+        ImuSample { gyro_i: to_imu * omega, specific_force_i: to_imu * specific_force_r }
+    }
+
     /// Kinetic energy, J.
     #[must_use]
     pub fn kinetic_energy(&self, state: &PlantState) -> f64 {
@@ -216,20 +230,12 @@ impl Sensors {
         Self { params, random: Random::new(seed) }
     }
 
-    /// The IMU at its mounting.
-    pub fn imu(&mut self, plant: &Plant, state: &PlantState, external: &Wrench) -> ImuSample {
-        let imu = plant.vehicle().imu();
-        let (acceleration_w, alpha_r) = plant.accelerations(state, external);
-        let omega = state.robot.angular_velocity_r;
-        let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
-        let specific_force_r = state.robot.rotation_wr.transpose() * free_w
-            + alpha_r.cross(&imu.position_r)
-            + omega.cross(&omega.cross(&imu.position_r));
-        let to_imu = imu.rotation_r.transpose();
+    /// What the IMU says where a perfect one says `truth`.
+    pub fn imu(&mut self, truth: &ImuSample) -> ImuSample {
         let p = &self.params;
         ImuSample {
-            gyro_i: to_imu * omega + p.gyro_bias_i + self.random.normal3(p.gyro),
-            specific_force_i: to_imu * specific_force_r
+            gyro_i: truth.gyro_i + p.gyro_bias_i + self.random.normal3(p.gyro),
+            specific_force_i: truth.specific_force_i
                 + p.accelerometer_bias_i
                 + self.random.normal3(p.accelerometer),
         }

@@ -174,7 +174,7 @@ fn fly(seed: u64, trouble: &Trouble, tally: &mut Tally) {
         let t = k as f64 * PERIOD;
         gyro_bias += random.normal3(params.process.gyro_bias * PERIOD.sqrt());
         force_bias += random.normal3(params.process.accelerometer_bias * PERIOD.sqrt());
-        let imu = sensing.imu(&plant, &state, &Wrench::ZERO);
+        let imu = sensing.imu(&plant.imu(&state, &Wrench::ZERO));
         estimator.predict(t, &(imu.gyro_i + gyro_bias), &(imu.specific_force_i + force_bias));
         if k % 5 == 0 && k > 0 {
             let (position, rotation) = sensing.pose(&state);

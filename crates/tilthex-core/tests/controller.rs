@@ -75,7 +75,7 @@ impl Loop {
 
     fn tick(&mut self, setpoint: &Setpoint, tool_push: &Wrench) -> ControllerOutput {
         let external = self.plant.from_tool(&self.state, tool_push);
-        let imu = self.sensors.imu(&self.plant, &self.state, &external);
+        let imu = self.sensors.imu(&self.plant.imu(&self.state, &external));
         let input = ControllerInput {
             state: self.state.robot,
             specific_force_r: imu.specific_force_i,

@@ -8,7 +8,7 @@ use common::{rotation, vector, vehicle, wrench};
 use proptest::prelude::*;
 use tilthex_core::{
     GRAVITY, RobotState, RotorVector, Vector3, Vehicle, Wrench,
-    plant::{ImuSample, Plant, PlantState, SensorParams, Sensors},
+    plant::{ImuSample, Plant, PlantState},
     wrench_observer::{
         ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, robot_wrench, tool_wrench,
     },
@@ -20,7 +20,7 @@ fn observer(vehicle: &Vehicle, force: f64, torque: f64) -> WrenchObserver {
 }
 
 fn measure(plant: &Plant, state: &PlantState, external: &Wrench) -> ObserverInput {
-    let ImuSample { specific_force_i, .. } = Sensors::new(SensorParams::IDEAL, 0).imu(plant, state, external);
+    let ImuSample { specific_force_i, .. } = plant.imu(state, external);
     ObserverInput {
         rotation_wr: state.robot.rotation_wr,
         angular_velocity_r: state.robot.angular_velocity_r,

@@ -7,7 +7,7 @@ use std::{fmt, process::ExitCode};
 pub enum Kind {
     /// Usage or configuration: 2.
     Usage,
-    /// The vehicle's link: 3.
+    /// The vehicle's link, or the world behind a simulated vehicle: 3.
     Link,
     /// A fault ended the flight, the vehicle landed: 4.
     Fault,
@@ -75,14 +75,17 @@ pub fn exit(program: &str, result: Result<(), Failure>) -> ExitCode {
 /// Reads a program's arguments; help and version are printed, and end it.
 ///
 /// # Errors
-/// The first line of what is wrong with them.
+/// What is wrong with them, in one line.
 pub fn arguments<T: clap::Parser>() -> Result<T, Failure> {
     T::try_parse().map_err(|e| {
         if !e.use_stderr() {
             e.exit();
         }
         let text = e.to_string();
-        let line = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
+        // The first paragraph: what is wrong, and below it the arguments that it is about.
+        let paragraph: Vec<_> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+        let line = paragraph.join(" ");
+        let line = line.trim_start_matches("error: ");
         Failure::usage(format!("{line}; --help lists what there is"))
     })
 }

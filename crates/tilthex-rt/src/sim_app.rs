@@ -17,10 +17,16 @@ use crate::{
     failure,
     mocap::{LineParams, MocapUri},
     signals,
-    sim::{CAPTURE_EVERY, Capture, Pushes, Server, Simulation, SimulationParams},
+    sim::{
+        Body, CAPTURE_EVERY, Capture, FirmwareParams, Pushes, STEP, Server, Simulation, SimulationParams,
+        World, world::WorldParams,
+    },
 };
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.
+///
+/// Exit status: 0 interrupted; 2 usage or configuration, or no Python with MuJoCo for --world;
+/// 3 no pseudo-terminal, or the world ended or answered something else.
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100)]
 pub struct Args {
@@ -36,13 +42,13 @@ pub struct Args {
     #[arg(long, value_name = "URI")]
     pub mocap: Option<MocapUri>,
 
-    /// From the exposure of the cameras to the sending of its frame
-    #[arg(long, value_name = "S", default_value_t = 0.008)]
-    pub mocap_latency: f64,
+    /// From the exposure of the cameras to the sending of its frame [default: the world's, or 0.008]
+    #[arg(long, value_name = "S")]
+    pub mocap_latency: Option<f64>,
 
-    /// Added to it at random, up to this
-    #[arg(long, value_name = "S", default_value_t = 0.0)]
-    pub mocap_jitter: f64,
+    /// Added to it at random, up to this [default: the world's, or 0]
+    #[arg(long, value_name = "S")]
+    pub mocap_jitter: Option<f64>,
 
     /// Share of the frames that are lost, 0 to 1
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
@@ -55,6 +61,19 @@ pub struct Args {
     /// Chooses the sensors' noise
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+
+    /// Put the vehicle on a stand in this experiment's world, in MuJoCo, in place of flat ground: a name such as
+    /// sliding, or a TOML file
+    #[arg(long, value_name = "EXPERIMENT", conflicts_with = "pushes")]
+    pub world: Option<String>,
+
+    /// With --world: which of the experiment's runs [default: the first]
+    #[arg(long, value_name = "NAME", requires = "world")]
+    pub world_run: Option<String>,
+
+    /// With --world: write the truth of every cycle there at the end
+    #[arg(long, value_name = "FILE.npz", requires = "world")]
+    pub world_truth: Option<PathBuf>,
 }
 
 /// Runs the program until it is interrupted.
@@ -73,42 +92,74 @@ pub fn run() -> Result<(), Failure> {
     let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
     let mut out = stdout().lock();
     let _ = writeln!(out, "{}", server.path().display()).and_then(|()| out.flush());
-    while !stop.load(Ordering::Relaxed) {
+    while server.is_running() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
     }
-    Ok(())
+    let report = server.stop();
+    if args.world.is_some() {
+        let _ = writeln!(out, "the world is behind the clock by {}", report.lag);
+    }
+    report.failure.map_or(Ok(()), Err)
 }
 
+/// The vehicle on its own flat ground, or in a world.
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
+    let vehicle = *config.vehicle.vehicle();
+    let Some(experiment) = &args.world else {
+        let mut params = SimulationParams::new(vehicle);
+        params.seed = args.seed;
+        if let Some(path) = &args.pushes {
+            params.pushes = Pushes::read(path)?;
+        }
+        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, (0.008, 0.0));
+    };
+    let params = WorldParams {
+        experiment: experiment.clone(),
+        run: args.world_run.clone(),
+        truth: args.world_truth.clone(),
+    };
+    let world = World::start(&params, vehicle)?;
+    let greeting = *world.greeting();
+    let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
+    let line = (greeting.pose_latency, greeting.pose_jitter);
+    let simulation =
+        Simulation::with_body(world, vehicle, greeting.sensors, FirmwareParams::default(), args.seed);
+    serve(args, config, simulation, every, line)
+}
+
+/// Puts it behind a pseudo-terminal and before the cameras, which look `every` so many cycles and whose line has
+/// a latency and a jitter (s) unless told otherwise.
+fn serve<B: Body + Send + 'static>(
+    args: &Args,
+    config: &Config,
+    simulation: Simulation<B>,
+    every: u64,
+    line: (f64, f64),
+) -> Result<Server, Failure> {
+    let line = LineParams {
+        latency: args.mocap_latency.unwrap_or(line.0),
+        jitter: args.mocap_jitter.unwrap_or(line.1),
+        loss: args.mocap_loss,
+        seed: args.seed,
+    };
     for (name, value, most) in [
-        ("--mocap-latency", args.mocap_latency, 10.0),
-        ("--mocap-jitter", args.mocap_jitter, 10.0),
-        ("--mocap-loss", args.mocap_loss, 1.0),
+        ("--mocap-latency", line.latency, 10.0),
+        ("--mocap-jitter", line.jitter, 10.0),
+        ("--mocap-loss", line.loss, 1.0),
     ] {
         tilthex_core::error::check_range(name, value, 0.0, most)
             .map_err(|e| Failure::usage(e.to_string()))?;
     }
-    let line = LineParams {
-        latency: args.mocap_latency,
-        jitter: args.mocap_jitter,
-        loss: args.mocap_loss,
-        seed: args.seed,
-    };
     let up_axis = config.mocap.up_axis().map_err(|e| Failure::usage(e.to_string()))?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
-    let mut params = SimulationParams::new(*config.vehicle.vehicle());
-    params.seed = args.seed;
-    if let Some(path) = &args.pushes {
-        params.pushes = Pushes::read(path)?;
-    }
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation| {
+    let observer = move |at, simulation: &mut Simulation<B>| {
         cycle += 1;
-        if let Some(capture) = capture.as_mut().filter(|_| cycle.is_multiple_of(CAPTURE_EVERY)) {
+        if let Some(capture) = capture.as_mut().filter(|_| cycle.is_multiple_of(every)) {
             capture.show(at, simulation);
         }
     };
-    Server::start(Simulation::new(params), Box::new(observer))
+    Server::start(simulation, Box::new(observer))
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }
 

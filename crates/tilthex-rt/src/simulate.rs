@@ -117,7 +117,7 @@ pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
         let time = row as f64 * PERIOD;
         let push_w = scenario.pushes.wrench(time);
         let external = plant.from_tool(&state, &push_w);
-        let imu = sensors.imu(&plant, &state, &external);
+        let imu = sensors.imu(&plant.imu(&state, &external));
         let rotor_speeds = sensors.rotor_speeds(&plant, &state);
         let (robot, specific_force_r) = match &mut estimator {
             Some(estimator) => {

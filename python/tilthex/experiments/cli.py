@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tilthex.experiments.record import Check
-    from tilthex.experiments.spec import Experiment
+    from tilthex.experiments.record import Check, Record
+    from tilthex.experiments.spec import Experiment, Run
 
 NEEDED = {"mujoco": "MuJoCo", "scipy": "SciPy", "matplotlib": "Matplotlib", "tqdm": "tqdm"}
+WIRE_NEEDED = {"mcap": "mcap", "mcap_protobuf": "mcap-protobuf-support"}
 
 
 def add_parser(subparsers: Any) -> None:
@@ -30,6 +31,11 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
     parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="where the state comes from")
+    parser.add_argument(
+        "--wire",
+        action="store_true",
+        help="sliding, multi-contact: in real time, tilthex-rt against tilthex-sim, over tk3 and NatNet",
+    )
     parser.add_argument("--random", type=int, metavar="N", help="peg-in-hole: fly N random cases")
     parser.add_argument("--seed", type=int, default=None, help="seed of the noise and of the random cases")
     parser.add_argument(
@@ -46,13 +52,19 @@ def add_parser(subparsers: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Flies what is asked, prints the table and writes the report."""
-    missing = [name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None]
+    needed = NEEDED | WIRE_NEEDED if arguments.wire else NEEDED
+    missing = [name for module, name in needed.items() if importlib.util.find_spec(module) is None]
     if missing:
         raise ImportError(
-            f"the experiments need {' and '.join(missing)}, not installed: pip install 'tilthex[experiments]'"
+            f"the experiments need {' and '.join(missing)}, not installed: "
+            "pip install 'tilthex[analysis,experiments]'"
         )
     if arguments.case is not None and arguments.random is None:
         raise ValueError("--case I names a case of a campaign; say which with --random N --seed S")
+    if arguments.wire and (arguments.random is not None or arguments.state == "exact"):
+        raise ValueError(
+            "--wire flies what an experiment's file says, on the estimator: without --random and --state"
+        )
     if arguments.video and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")
     from tilthex.experiments import report, spec
@@ -62,6 +74,10 @@ def run(arguments: argparse.Namespace) -> None:
     pages = []
     for name in names:
         experiment = spec.load(name, short=arguments.short, changes=changes(arguments))
+        if arguments.wire:
+            from tilthex.experiments import wire
+
+            wire.check(experiment)
         print(f"{experiment.title}", flush=True)
         if arguments.random is not None and arguments.case is None:
             page, checks = _campaign(experiment, arguments)
@@ -90,11 +106,7 @@ def changes(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
-    from tqdm import tqdm
-
     from tilthex.experiments import judge, peg_in_hole, report
-    from tilthex.experiments.flight import fly
-    from tilthex.experiments.plan import periods
 
     runs = experiment.runs
     if arguments.case is not None:
@@ -103,16 +115,15 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     judged = judge.of(experiment.kind)
     flights, checks, notes = [], [], []
     arguments.out.mkdir(parents=True, exist_ok=True)
+    suffix = "-wire" if arguments.wire else ""
     for one in runs:
-        with tqdm(total=periods(one), desc=one.name, unit="tick", file=sys.stderr, leave=False) as bar:
-            record = fly(one, exact=arguments.state == "exact", progress=bar.update)
+        stem = f"{experiment.kind}{suffix}-{_slug(one.name)}"
+        fly = _through_the_wire if arguments.wire else _in_this_process
+        record, said = fly(one, arguments, stem)
         flights.append((one, record))
         checks += judged.checks(one, record)
-        stem = f"{experiment.kind}-{_slug(one.name)}"
         record.save(arguments.out / f"{stem}.npz")
-        length = record.time[-1]
-        speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
-        notes.append(f"{one.name}: {speed}" + (f"; {record.ended}" if record.ended else ""))
+        notes.append(f"{one.name}: {said}" + (f"; {record.ended}" if record.ended else ""))
         if arguments.video:
             from tilthex.experiments.video import render
 
@@ -121,8 +132,8 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     stem = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
     page = report.write(
         arguments.out,
-        stem,
-        experiment.title,
+        stem + suffix,
+        experiment.title + (", in real time through the wire" if arguments.wire else ""),
         experiment.about,
         checks,
         figures,
@@ -130,7 +141,35 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         _command(),
         notes,
     )
+    if arguments.wire:
+        print("\n".join(notes))
     return page, checks
+
+
+def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+    from tqdm import tqdm
+
+    from tilthex.experiments.flight import fly
+    from tilthex.experiments.plan import periods
+
+    with tqdm(total=periods(one), desc=one.name, unit="tick", file=sys.stderr, leave=False) as bar:
+        record = fly(one, exact=arguments.state == "exact", progress=bar.update)
+    length = record.time[-1]
+    speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
+    return record, speed
+
+
+def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+    from tqdm import tqdm
+
+    from tilthex.experiments import wire, wire_record
+
+    files = wire.Files.beside(arguments.out / stem)
+    shape = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s"
+    with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, file=sys.stderr, leave=False) as bar:
+        said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
+    record, notes = wire_record.read(one, wire.route(one), files)
+    return record, "; ".join(notes + said)
 
 
 def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import tilthex
-from tilthex.experiments.spec import Run
+from tilthex.experiments.spec import Run, Waypoint
 from tilthex.experiments.world import PERIOD
 
 Vector = NDArray[np.float64]
@@ -27,12 +28,12 @@ class Plan:
 
 def periods(run: Run) -> int:
     """How many control periods a run lasts."""
-    return _length(_trajectory(run))
+    return _length(trajectory_of(run.waypoints, run.limits))
 
 
 def make(run: Run) -> Plan:
     """Samples the trajectory of a run, or swings about it where a chirp is asked for."""
-    trajectory = _trajectory(run)
+    trajectory = trajectory_of(run.waypoints, run.limits)
     times = np.arange(_length(trajectory), dtype=np.float64) * PERIOD
     setpoints = [trajectory.sample(time) for time in times.tolist()]
     if "swing" in run.judge:
@@ -43,7 +44,8 @@ def make(run: Run) -> Plan:
     return Plan(setpoints, owner[leg], names)
 
 
-def _trajectory(run: Run) -> tilthex.Trajectory:
+def trajectory_of(waypoints: Sequence[Waypoint], limits: Mapping[str, float]) -> tilthex.Trajectory:
+    """The trajectory that begins at rest at the first way-point."""
     points = [
         {
             "position": point.position,
@@ -52,9 +54,9 @@ def _trajectory(run: Run) -> tilthex.Trajectory:
             "duration": point.duration,
             "hold": point.hold,
         }
-        for point in run.waypoints
+        for point in waypoints
     ]
-    return tilthex.Trajectory(points, **run.limits)
+    return tilthex.Trajectory(points, **limits)
 
 
 def _length(trajectory: tilthex.Trajectory) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
+from xml.etree import ElementTree as ET
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,11 +79,19 @@ class World:
         seed: int,
         tool_position: Vector,
         tool_rotation: Vector,
+        feet: Sequence[ET.Element] = (),
     ) -> None:
-        """The robot at rest with its tool at a pose, rotors at their hover speeds."""
+        """The robot at rest with its tool at a pose, rotors at their hover speeds; `feet` are on its body."""
         self.rotation: Vector = tool_rotation @ vehicle.tool_rotation.T
         start = tool_position - self.rotation @ vehicle.tool_position
-        xml = to_mjcf(vehicle, scene.elements, extra=scene.extra, position=start, rotation=self.rotation)
+        xml = to_mjcf(
+            vehicle,
+            scene.elements,
+            extra=scene.extra,
+            feet=feet,
+            position=start,
+            rotation=self.rotation,
+        )
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
         self.vehicle = vehicle
@@ -96,10 +106,11 @@ class World:
         self._lag = 1.0 - math.exp(-TIMESTEP / constant) if constant > 0.0 else 1.0
         self._clamped = self.model.neq > 0
         self._robot = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "robot")
+        self._rod = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "rod")
         self._contact = np.zeros(6)
         self._draws = np.random.default_rng(seed)
-        self._gyro_bias = noise.gyro_bias * self._draws.standard_normal(3)
-        self._accelerometer_bias = noise.accelerometer_bias * self._draws.standard_normal(3)
+        self.gyro_bias: Vector = noise.gyro_bias * self._draws.standard_normal(3)
+        self.accelerometer_bias: Vector = noise.accelerometer_bias * self._draws.standard_normal(3)
         self._pool = np.zeros((0, 6 + vehicle.rotor_count))
         self._noise = np.zeros(6 + vehicle.rotor_count)
         self._specific_force = np.zeros(3)
@@ -139,10 +150,10 @@ class World:
         """True velocity of the tool's origin, m/s, W."""
         return self.velocity + self.rotation @ np.cross(self.angular_velocity, self.tool_offset)
 
-    def step(self, rotor_command: Vector) -> None:
-        """Advances one control period under commanded rotor speeds, Hz."""
+    def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
+        """Advances one control period, s, under commanded rotor speeds, Hz."""
         data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()
-        for _ in range(round(PERIOD / TIMESTEP)):
+        for _ in range(round(period / TIMESTEP)):
             self.rotor_speeds += self._lag * (rotor_command - self.rotor_speeds)
             data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)
             if self.push.any():
@@ -156,8 +167,8 @@ class World:
             force = data.qfrc_constraint[:3]
             peak = max(peak, force @ force)
         self.peak_force = math.sqrt(peak)
-        self._specific_force = sums * (TIMESTEP / PERIOD)
-        acceleration = (data.qvel[:3] - before) / PERIOD
+        self._specific_force = sums * (TIMESTEP / period)
+        acceleration = (data.qvel[:3] - before) / period
         acceleration[2] += GRAVITY
         self._specific_force_r = self.rotation.T @ acceleration
         mujoco.mju_quat2Mat(self.rotation.reshape(9), data.qpos[3:7])
@@ -167,9 +178,13 @@ class World:
         self._noise = self._pool[self._next_draw]
         self._next_draw += 1
 
+    def perfect_accelerometer(self) -> Vector:
+        """What one without noise and bias would say, m/s^2, IMU axes."""
+        return self._specific_force
+
     def specific_force(self) -> Vector:
         """What the accelerometer says, m/s^2, IMU axes."""
-        return self._specific_force + self.noise.accelerometer * self._noise[:3] + self._accelerometer_bias
+        return self._specific_force + self.noise.accelerometer * self._noise[:3] + self.accelerometer_bias
 
     def true_specific_force(self) -> Vector:
         """Specific force at the centre of mass over the period without noise, m/s^2, R."""
@@ -178,7 +193,7 @@ class World:
     def gyro(self) -> Vector:
         """What the gyroscope says, rad/s, IMU axes."""
         turned = self.vehicle.imu_rotation.T @ self.angular_velocity
-        return np.asarray(turned + self.noise.gyro * self._noise[3:6] + self._gyro_bias)
+        return np.asarray(turned + self.noise.gyro * self._noise[3:6] + self.gyro_bias)
 
     def measured_rotor_speeds(self) -> Vector:
         """What the motor controllers say, Hz."""
@@ -198,7 +213,7 @@ class World:
         return due
 
     def contact_wrench(self) -> tuple[Vector, float, Vector]:
-        """Truth: the wrench of all contacts on the tool (force, torque about its origin; W).
+        """Truth: the wrench of all contacts of the tool on it (force, torque about its origin; W).
 
         Each contact's force is turned by the contact's frame, and acts on the
         second of its geoms. Also the largest single contact force, N, and how hard
@@ -207,11 +222,13 @@ class World:
         wrench, largest, pressure = np.zeros(6), 0.0, np.zeros(3)
         tool = self.tool_position
         for i in range(self.data.ncon):
-            mujoco.mj_contactForce(self.model, self.data, i, self._contact)
             contact = self.data.contact[i]
+            if self._rod not in contact.geom:
+                continue
+            mujoco.mj_contactForce(self.model, self.data, i, self._contact)
             force = self._contact[:3] @ contact.frame.reshape(3, 3)
             pressure += self._contact[0] * np.abs(contact.frame[:3])
-            if self.model.geom_bodyid[contact.geom[1]] != self._robot:
+            if contact.geom[1] != self._rod:
                 force = -force
             size = math.sqrt(force @ force)
             wrench[:3] += force

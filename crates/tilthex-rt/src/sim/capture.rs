@@ -4,7 +4,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 
 use tilthex_core::mocap::UpAxis;
 
-use super::{STEP, Simulation};
+use super::{Body, STEP, Simulation};
 use crate::{
     Failure,
     mocap::{
@@ -84,7 +84,7 @@ impl Capture {
     }
 
     /// Shows the vehicle as it is at a time of the monotonic clock.
-    pub fn show(&mut self, time: Nanos, simulation: &mut Simulation) {
+    pub fn show<B: Body>(&mut self, time: Nanos, simulation: &mut Simulation<B>) {
         let (position_w, rotation_wr) = simulation.captured_pose();
         let publication = Publication { time, position_w, rotation_wr, tracking_valid: true };
         // A pose that finds no room is one the network lost.

@@ -2,23 +2,28 @@
 //! virtual time ([`Simulation`]) or behind a pseudo-terminal ([`Server`]).
 
 pub mod battery;
+pub mod body;
 mod capture;
 pub mod firmware;
 pub mod ground;
 pub mod motor;
 pub mod pushes;
 mod server;
+pub mod world;
 
+pub use body::{Body, Own};
 pub use capture::{CAPTURE_EVERY, CAPTURE_RATE, Capture};
 pub use firmware::{Firmware, FirmwareParams};
 pub use pushes::{Push, Pushes};
 pub use server::{Observer, Report, Server};
+pub use world::World;
 
+use crate::{Failure, sleeper::Nanos};
+use body::Cycle;
 use firmware::Measurements;
-use ground::Ground;
 use tilthex_core::{
     Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
-    plant::{Plant, PlantState, SensorParams, Sensors},
+    plant::{Plant, SensorParams, Sensors},
 };
 
 /// Microseconds since the board was powered.
@@ -26,9 +31,6 @@ pub type Micros = u64;
 
 /// The board's cycle.
 pub const STEP: Micros = 1000;
-
-/// Steps of the body in one cycle while its feet may touch the ground.
-const CONTACT_STEPS: usize = 4;
 
 /// What is simulated.
 #[derive(Clone, Debug)]
@@ -70,27 +72,19 @@ pub struct Truth {
     pub rotor_speeds: RotorVector,
     /// Position of the tool tip, m, world.
     pub tool_position_w: Vector3,
-    /// What pushes the tool, world, at its tip.
+    /// What touches the tool, world, at its tip.
     pub tool_wrench_w: Wrench,
-    /// What the ground and the pushes exert: force W, torque R about the centre of mass.
+    /// What the world exerts, contacts and pushes alike: force W, torque R about the centre of mass.
     pub external: Wrench,
 }
 
 /// The vehicle and its world in virtual time.
 #[derive(Clone, Debug)]
-pub struct Simulation {
+pub struct Simulation<B = Own> {
     plant: Plant,
-    state: PlantState,
+    body: B,
     sensors: Sensors,
     firmware: Firmware,
-    ground: Ground,
-    pushes: Pushes,
-    external: Wrench,
-    tool_wrench_w: Wrench,
-    /// Part of each rotor's speed that its motor reaches.
-    health: RotorVector,
-    /// Part of its thrust that each rotor has.
-    thrust: RotorVector,
     now: Micros,
 }
 
@@ -98,33 +92,41 @@ impl Simulation {
     /// A vehicle that stands on the ground over the origin, switched off.
     #[must_use]
     pub fn new(params: SimulationParams) -> Self {
-        let plant = Plant::new(params.vehicle);
-        // Legs that keep the tool off the ground, or at least some way under the body.
-        let leg = (-params.vehicle.tool().position_r.z).max(0.1) + 0.05;
-        let mut simulation = Self {
-            plant,
-            state: PlantState {
-                robot: RobotState::at_rest(Vector3::new(0.0, 0.0, leg)),
-                rotor_speeds: RotorVector::zeros(),
-            },
-            sensors: Sensors::new(params.sensors, params.seed),
-            firmware: Firmware::new(&params.vehicle, params.firmware),
-            ground: Ground { leg },
-            pushes: params.pushes,
-            external: Wrench::ZERO,
-            tool_wrench_w: Wrench::ZERO,
-            health: RotorVector::repeat(1.0),
-            thrust: RotorVector::repeat(1.0),
-            now: 0,
-        };
-        simulation.settle();
-        simulation
+        let body = Own::new(params.vehicle, params.pushes);
+        Self::with_body(body, params.vehicle, params.sensors, params.firmware, params.seed)
     }
 
-    /// Lets the legs take the weight.
-    fn settle(&mut self) {
-        for _ in 0..4000 {
-            self.move_body(0.25e-3);
+    /// Lets a rotor (from 0) reach only a part of the speed its motor drives it to.
+    pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
+        if let Some(health) = self.body.health.get_mut(rotor) {
+            *health = part;
+        }
+    }
+
+    /// Leaves a rotor (from 0) only a part of its thrust and drag, at the speed it turns with.
+    pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
+        if let Some(thrust) = self.body.thrust.get_mut(rotor) {
+            *thrust = part;
+        }
+    }
+}
+
+impl<B: Body> Simulation<B> {
+    /// A vehicle, switched off, whose body moves in a world of its own; `seed` chooses the sensors' noise.
+    #[must_use]
+    pub fn with_body(
+        body: B,
+        vehicle: Vehicle,
+        sensors: SensorParams,
+        firmware: FirmwareParams,
+        seed: u64,
+    ) -> Self {
+        Self {
+            plant: Plant::new(vehicle),
+            body,
+            sensors: Sensors::new(sensors, seed),
+            firmware: Firmware::new(&vehicle, firmware),
+            now: 0,
         }
     }
 
@@ -135,35 +137,21 @@ impl Simulation {
 
     /// One cycle of [`STEP`]: body, sensors, board; what it sends goes to `out`.
     pub fn advance(&mut self, out: &mut Vec<u8>) {
+        self.advance_at(1000 * (self.now + STEP), out);
+    }
+
+    /// The same, for a cycle that ends at a time of the monotonic clock.
+    pub fn advance_at(&mut self, at: Nanos, out: &mut Vec<u8>) {
         let dt = STEP as f64 * 1e-6;
         self.now += STEP;
         let since_start = self.firmware.first_start().map(|start| (self.now - start) as f64 * 1e-6);
-        self.tool_wrench_w = since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
-        let steps = if self.ground.is_near(&self.state.robot) { CONTACT_STEPS } else { 1 };
-        for _ in 0..steps {
-            self.move_body(dt / steps as f64);
-        }
-        let Self { firmware, sensors, plant, state, external, .. } = self;
+        self.body.advance(&Cycle { at, dt, since_start }, &self.firmware.commands());
+        let Self { firmware, sensors, plant, body, .. } = self;
         let measure = || Measurements {
-            imu: sensors.imu(plant, state, external),
-            rotor_speeds: sensors.rotor_speeds(plant, state),
+            imu: sensors.imu(&body.imu()),
+            rotor_speeds: sensors.rotor_speeds(plant, body.state()),
         };
-        firmware.advance(self.now, dt, &state.rotor_speeds, measure, out);
-    }
-
-    fn move_body(&mut self, dt: f64) {
-        let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
-        self.external = self.ground.wrench(&self.state.robot) + push - self.lost_thrust();
-        let commands = self.firmware.commands().component_mul(&self.health);
-        self.plant.step(&mut self.state, &commands, &self.external, dt);
-    }
-
-    /// What damaged rotors do not exert: force W, torque R.
-    fn lost_thrust(&self) -> Wrench {
-        let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
-        let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
-        let body = self.plant.vehicle().body_wrench(&lost);
-        Wrench { force: self.state.robot.rotation_wr * body.force, torque: body.torque }
+        firmware.advance(self.now, dt, &body.state().rotor_speeds, measure, out);
     }
 
     /// The vehicle.
@@ -174,7 +162,7 @@ impl Simulation {
 
     /// The pose as motion capture sees it now: position (m, W), rotation (R to W).
     pub fn captured_pose(&mut self) -> (Vector3, Matrix3) {
-        self.sensors.pose(&self.state)
+        self.sensors.pose(self.body.state())
     }
 
     /// Time since power-on.
@@ -199,44 +187,43 @@ impl Simulation {
         &mut self.sensors
     }
 
-    /// Lets a rotor (from 0) reach only a part of the speed its motor drives it to.
-    pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
-        if let Some(health) = self.health.get_mut(rotor) {
-            *health = part;
-        }
-    }
-
-    /// Leaves a rotor (from 0) only a part of its thrust and drag, at the speed it turns with.
-    pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
-        if let Some(thrust) = self.thrust.get_mut(rotor) {
-            *thrust = part;
-        }
-    }
-
-    /// Whether the vehicle stands on its feet.
+    /// Whether the vehicle stands upright where it started from.
     #[must_use]
     pub fn stands(&self) -> bool {
-        let level = self.state.robot.rotation_wr[(2, 2)] > 0.98;
-        level && self.rests()
+        self.rests() && self.body.state().robot.rotation_wr[(2, 2)] > 0.98
     }
 
-    /// Whether the vehicle lies still on the ground, however.
+    /// Whether the vehicle lies still, no higher than where it started from, however it lies.
     #[must_use]
     pub fn rests(&self) -> bool {
-        let robot = &self.state.robot;
-        robot.position_w.z < self.ground.leg + 0.01 && robot.velocity_w.norm() < 0.1
+        self.body.rests()
+    }
+
+    /// Whether its body has stopped moving for good; [`Self::finish`] says why.
+    #[must_use]
+    pub fn failed(&self) -> bool {
+        self.body.failed()
+    }
+
+    /// Ends the body's world.
+    ///
+    /// # Errors
+    /// One sentence, where it had failed or does not end well.
+    pub fn finish(&mut self) -> Result<(), Failure> {
+        self.body.finish()
     }
 
     /// What is true now.
     #[must_use]
     pub fn truth(&self) -> Truth {
+        let state = self.body.state();
         Truth {
             time: self.now as f64 * 1e-6,
-            robot: self.state.robot,
-            rotor_speeds: self.state.rotor_speeds,
-            tool_position_w: self.plant.tool_pose(&self.state).0,
-            tool_wrench_w: self.tool_wrench_w,
-            external: self.external,
+            robot: state.robot,
+            rotor_speeds: state.rotor_speeds,
+            tool_position_w: self.plant.tool_pose(state).0,
+            tool_wrench_w: self.body.tool_wrench_w(),
+            external: self.body.external(),
         }
     }
 }

@@ -16,8 +16,9 @@ use rustix::{
     time::Timespec,
 };
 
-use super::{STEP, Simulation};
+use super::{Body, Own, STEP, Simulation};
 use crate::{
+    Failure,
     histogram::{Histogram, Quantiles},
     port::Port,
     sleeper::{Clock, Monotonic, Nanos},
@@ -27,16 +28,20 @@ use crate::{
 const HOPELESS: Nanos = 1_000_000_000;
 
 /// What the simulated vehicle saw of its controller.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Report {
     /// From the moment before an IMU frame was written to the moment its
     /// command had been read: the controller's latency and the line's, ns.
     pub imu_to_command: Quantiles,
+    /// From the time a cycle was due to its end, ns: how far the simulation lags behind the clock.
+    pub lag: Quantiles,
+    /// Why the simulation ended by itself, or did not end well.
+    pub failure: Option<Failure>,
 }
 
 /// Sees the simulation after every cycle, with the cycle's time on the
 /// monotonic clock: motion capture and the recorder of the truth hang on it.
-pub type Observer = Box<dyn FnMut(Nanos, &mut Simulation) + Send>;
+pub type Observer<B = Own> = Box<dyn FnMut(Nanos, &mut Simulation<B>) + Send>;
 
 /// A running simulation. It ends when it is dropped.
 #[derive(Debug)]
@@ -52,7 +57,10 @@ impl Server {
     ///
     /// # Errors
     /// The kernel's, where it has no pseudo-terminal or no thread left.
-    pub fn start(simulation: Simulation, each_step: Observer) -> io::Result<Self> {
+    pub fn start<B: Body + Send + 'static>(
+        simulation: Simulation<B>,
+        each_step: Observer<B>,
+    ) -> io::Result<Self> {
         let (port, path) = Port::pseudo_terminal()?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
@@ -69,6 +77,7 @@ impl Server {
             out: Vec::with_capacity(4096),
             imu_written: None,
             latency: Histogram::default(),
+            lag: Histogram::default(),
         };
         let thread = std::thread::Builder::new()
             .name("sim".into())
@@ -81,6 +90,12 @@ impl Server {
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Whether the simulation still runs: it ends by itself only where its world fails.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
     /// Ends the simulation; what it saw.
@@ -101,37 +116,43 @@ impl Drop for Server {
     }
 }
 
-struct Worker {
+struct Worker<B> {
     _far_side: rustix::fd::OwnedFd,
     port: Port,
-    simulation: Simulation,
-    each_step: Observer,
+    simulation: Simulation<B>,
+    each_step: Observer<B>,
     out: Vec<u8>,
     /// When the newest IMU frame was written, until its command comes.
     imu_written: Option<Nanos>,
     latency: Histogram,
+    lag: Histogram,
 }
 
-impl Worker {
+impl<B: Body> Worker<B> {
     fn run(&mut self, stop: &AtomicBool) -> Report {
         // The board's clock is this one; the rights are worth having, not worth failing for.
         crate::realtime::acquire_helper();
         let step = Duration::from_micros(STEP).as_nanos() as Nanos;
         let mut due = Monotonic.now() + step;
-        while !stop.load(Ordering::Relaxed) {
+        while !stop.load(Ordering::Relaxed) && !self.simulation.failed() {
             self.receive_until(due);
             let now = Monotonic.now();
             if now.saturating_sub(due) > HOPELESS {
                 due = now;
             }
-            while due <= now {
-                self.simulation.advance(&mut self.out);
+            while due <= now && !self.simulation.failed() {
+                self.simulation.advance_at(due, &mut self.out);
                 self.send();
                 (self.each_step)(due, &mut self.simulation);
+                self.lag.record(Monotonic.now().saturating_sub(due));
                 due += step;
             }
         }
-        Report { imu_to_command: self.latency.quantiles() }
+        Report {
+            imu_to_command: self.latency.quantiles(),
+            lag: self.lag.quantiles(),
+            failure: self.simulation.finish().err(),
+        }
     }
 
     /// Takes what the controller says the moment it says it, until `due`.

@@ -1,0 +1,300 @@
+//! A world in a process of its own: an experiment's, stepped by MuJoCo in Python, one cycle of the board at a
+//! time over its standard input and output.
+
+pub mod record;
+
+use std::{
+    env,
+    io::{BufRead, BufReader, Read, Write},
+    path::{Path, PathBuf},
+    process::{Child, ChildStdin, ChildStdout, Command, Stdio},
+    thread::{self, JoinHandle},
+    time::{Duration, Instant},
+};
+
+use rustix::{
+    event::{PollFd, PollFlags, poll},
+    time::Timespec,
+};
+use tilthex_core::{
+    RotorVector, Vector3, Vehicle, Wrench,
+    plant::{ImuSample, PlantState},
+};
+
+use super::body::{Body, Cycle};
+use crate::{Failure, sleeper::Nanos};
+use record::{GREETING, Greeting, STATE, State};
+
+/// The module that Python runs.
+const MODULE: &str = "tilthex.experiments.world_process";
+/// It may take so long to begin: a first import of MuJoCo is slow.
+const BEGIN: Duration = Duration::from_secs(60);
+/// It may take so long for one cycle.
+const ANSWER: Duration = Duration::from_secs(5);
+/// It may take so long to write its truth and end.
+const END: Duration = Duration::from_secs(30);
+
+/// Which world.
+#[derive(Clone, Debug, Default)]
+pub struct WorldParams {
+    /// An experiment: its name, or its TOML file.
+    pub experiment: String,
+    /// The run of it; the first without.
+    pub run: Option<String>,
+    /// Where the truth is written at the end, as a NumPy archive.
+    pub truth: Option<PathBuf>,
+}
+
+/// A world that runs. Its process ends when this is dropped.
+#[derive(Debug)]
+pub struct World {
+    process: Process,
+    greeting: Greeting,
+    vehicle: Vehicle,
+    start: Vector3,
+    state: State,
+    failure: Option<Failure>,
+}
+
+impl World {
+    /// Starts the process and waits for its greeting.
+    ///
+    /// # Errors
+    /// One sentence: no Python, no MuJoCo, no such experiment, another vehicle.
+    pub fn start(params: &WorldParams, vehicle: Vehicle) -> Result<Self, Failure> {
+        let python = python();
+        let mut command = Command::new(&python);
+        command.args(["-m", MODULE, &params.experiment]);
+        if let Some(run) = &params.run {
+            command.args(["--run", run]);
+        }
+        if let Some(truth) = &params.truth {
+            command.arg("--truth").arg(truth);
+        }
+        // Threads of a linear algebra library that spin would take the loop's processor.
+        command.env("OPENBLAS_NUM_THREADS", "1").env("OMP_NUM_THREADS", "1");
+        Self::from_command(command, vehicle)
+    }
+
+    /// The world that a command runs.
+    ///
+    /// # Errors
+    /// As [`Self::start`].
+    pub fn from_command(command: Command, vehicle: Vehicle) -> Result<Self, Failure> {
+        let mut process = Process::start(command)?;
+        let bytes = process.read::<GREETING>(BEGIN)?;
+        let greeting = record::greeting(&bytes).map_err(|what| process.rubbish(&what))?;
+        let bytes = process.read::<STATE>(BEGIN)?;
+        let state = record::state(&bytes, 0).map_err(|what| process.rubbish(&what))?;
+        let (rotors, mass) = (vehicle.rotor_count(), vehicle.mass());
+        if greeting.rotor_count != rotors || (greeting.mass - mass).abs() > 1e-9 {
+            return Err(Failure::usage(format!(
+                "the world's vehicle has {} rotors and {} kg, the configuration's {rotors} rotors and {mass} kg; name \
+                 the experiment's own vehicle with --config",
+                greeting.rotor_count, greeting.mass
+            )));
+        }
+        process.begun = true;
+        let start = state.plant.robot.position_w;
+        Ok(Self { process, greeting, vehicle, start, state, failure: None })
+    }
+
+    /// What it said of itself.
+    #[must_use]
+    pub fn greeting(&self) -> &Greeting {
+        &self.greeting
+    }
+
+    fn ask(&mut self, at: Nanos, commands: &RotorVector) -> Result<State, Failure> {
+        self.process.write(&record::request(at, commands))?;
+        let bytes = self.process.read::<STATE>(ANSWER)?;
+        record::state(&bytes, at).map_err(|what| self.process.rubbish(&what))
+    }
+}
+
+impl Body for World {
+    fn advance(&mut self, cycle: &Cycle, commands: &RotorVector) {
+        if self.failure.is_some() {
+            return;
+        }
+        match self.ask(cycle.at, commands) {
+            Ok(state) => self.state = state,
+            Err(failure) => self.failure = Some(failure),
+        }
+    }
+
+    fn state(&self) -> &PlantState {
+        &self.state.plant
+    }
+
+    fn imu(&self) -> ImuSample {
+        let to_imu = self.vehicle.imu().rotation_r.transpose();
+        ImuSample {
+            gyro_i: to_imu * self.state.plant.robot.angular_velocity_r,
+            specific_force_i: self.state.specific_force_i,
+        }
+    }
+
+    fn tool_wrench_w(&self) -> Wrench {
+        self.state.tool_wrench_w
+    }
+
+    fn external(&self) -> Wrench {
+        self.state.external
+    }
+
+    fn rests(&self) -> bool {
+        let robot = &self.state.plant.robot;
+        robot.position_w.z < self.start.z + 0.01 && robot.velocity_w.norm() < 0.1
+    }
+
+    fn failed(&self) -> bool {
+        self.failure.is_some()
+    }
+
+    fn finish(&mut self) -> Result<(), Failure> {
+        match self.failure.take() {
+            Some(failure) => Err(failure),
+            None => self.process.end(),
+        }
+    }
+}
+
+/// Python beside this program, as an installed package has it, or the one on the path.
+fn python() -> PathBuf {
+    let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.join("python3")));
+    beside.filter(|path| path.exists()).unwrap_or_else(|| Path::new("python3").into())
+}
+
+/// The process, its pipes, and the last line of what it said on standard error.
+#[derive(Debug)]
+struct Process {
+    name: String,
+    child: Child,
+    input: Option<ChildStdin>,
+    output: ChildStdout,
+    said: Option<JoinHandle<String>>,
+    /// Whether it has said what it begins with.
+    begun: bool,
+}
+
+impl Process {
+    fn start(mut command: Command) -> Result<Self, Failure> {
+        let name = command.get_program().to_string_lossy().into_owned();
+        let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let mut child = pipes.spawn().map_err(|e| {
+            Failure::usage(format!(
+                "the world needs {name}, which can not be started: {e}; install Python, then \
+                 pip install 'tilthex[experiments]'"
+            ))
+        })?;
+        let (Some(output), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
+            return Err(Failure::usage(format!("the world's process {name} has no pipes")));
+        };
+        let said = thread::spawn(move || {
+            let lines = BufReader::new(errors).lines().map_while(Result::ok);
+            lines.filter(|line| !line.trim().is_empty()).last().unwrap_or_default()
+        });
+        Ok(Self { name, input: child.stdin.take(), child, output, said: Some(said), begun: false })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+        let written = self.input.as_mut().map(|input| input.write_all(bytes));
+        if let Some(Ok(())) = written { Ok(()) } else { Err(self.died()) }
+    }
+
+    fn read<const N: usize>(&mut self, patience: Duration) -> Result<[u8; N], Failure> {
+        let (mut bytes, mut read) = ([0; N], 0);
+        let until = Instant::now() + patience;
+        while read < N {
+            let left = until.saturating_duration_since(Instant::now());
+            let timeout = Timespec { tv_sec: left.as_secs() as _, tv_nsec: left.subsec_nanos().into() };
+            let ready = poll(&mut [PollFd::new(&self.output, PollFlags::IN)], Some(&timeout));
+            if left.is_zero() {
+                return Err(Failure::link(format!(
+                    "the world said nothing for {} s ({}); look at the load of this machine",
+                    patience.as_secs(),
+                    self.name
+                )));
+            }
+            if ready != Ok(1) {
+                continue;
+            }
+            match self.output.read(&mut bytes[read..]) {
+                Ok(0) | Err(_) => return Err(self.died()),
+                Ok(count) => read += count,
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// What a record that is none means.
+    fn rubbish(&self, what: &str) -> Failure {
+        Failure::link(format!(
+            "the world's answer is none: {what}; expected the records of {MODULE} of this version: install tilthex \
+             anew for {}",
+            self.name
+        ))
+    }
+
+    /// What the end of the process means; its own words say why.
+    fn died(&mut self) -> Failure {
+        match self.closed() {
+            Some((status, said)) if status.code() == Some(2) => Failure::usage(said),
+            Some((status, said)) if self.begun => Failure::link(format!(
+                "the world's process {} ended by itself ({status}): {said}; start anew",
+                self.name
+            )),
+            Some((status, said)) => Failure::usage(format!(
+                "the world's process {} did not begin ({status}): {said}; pip install 'tilthex[experiments]' \
+                 installs what it needs",
+                self.name
+            )),
+            None => Failure::link(format!("the world ({}) closed its pipes and does not end", self.name)),
+        }
+    }
+
+    /// Closes its input, which ends it.
+    fn end(&mut self) -> Result<(), Failure> {
+        match self.closed() {
+            Some((status, _)) if status.success() => Ok(()),
+            Some((status, said)) => {
+                Err(Failure::link(format!("the world's process did not end well ({status}): {said}")))
+            }
+            None => Err(Failure::link(format!(
+                "the world did not end within {} s and was killed; its truth is lost",
+                END.as_secs()
+            ))),
+        }
+    }
+
+    /// How it ended, and its last words; `None` where it had to be killed.
+    fn closed(&mut self) -> Option<(std::process::ExitStatus, String)> {
+        self.input = None;
+        let until = Instant::now() + END;
+        loop {
+            if let Ok(Some(status)) = self.child.try_wait() {
+                let said = self.said.take().and_then(|said| said.join().ok()).unwrap_or_default();
+                return Some((status, said));
+            }
+            if Instant::now() > until {
+                // It may have just ended.
+                let _ = self.child.kill();
+                let _ = self.child.wait();
+                return None;
+            }
+            thread::sleep(Duration::from_millis(10));
+        }
+    }
+}
+
+impl Drop for Process {
+    fn drop(&mut self) {
+        // One that ended well is gone already, and killing it does nothing.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,286 @@
+"""Flies a run through the wire: `tilthex-rt` against `tilthex-sim --world`, in real time."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+import tilthex
+from tilthex.experiments import stand
+from tilthex.experiments.plan import trajectory_of
+from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
+
+FLOWN = ("sliding", "multi-contact")
+"""What can be flown so: a free tool, without pulls and swings, softness as the file has it."""
+CLEARANCE = 0.25
+"""The ways from and to the stand pass this far above the trajectory's ends, m."""
+TAKE_OFF = 0.6
+"""Height of the first hover over the stand, m."""
+LANDING = 20.0
+"""A program that is interrupted in flight has so long to land, s."""
+PATIENCE = 40.0
+"""A flight that lasts so much longer than expected has lost its vehicle, s."""
+AROUND = 20.0
+"""Start, take-off, learning of the bias and landing take about so long, s."""
+
+
+@dataclass(frozen=True)
+class Route:
+    """The way-points of a flight: from over the stand, through the run's, and back."""
+
+    waypoints: tuple[Waypoint, ...]
+    first: int
+    """Index of the run's first."""
+    limits: Mapping[str, float]
+
+    @property
+    def trajectory(self) -> tilthex.Trajectory:
+        """From the first hover on, as the controller plays it."""
+        return trajectory_of(self.waypoints, self.limits)
+
+
+@dataclass(frozen=True)
+class Files:
+    """What a flight reads and leaves behind."""
+
+    config: Path
+    trajectory: Path
+    world: Path
+    truth: Path
+    log: Path
+    summary: Path
+
+    @classmethod
+    def beside(cls, stem: Path) -> Files:
+        """Names that begin with a stem."""
+        ends = ("-config.toml", "-trajectory.toml", "-world.toml", "-truth.npz", ".mcap", "-summary.txt")
+        return cls(*(stem.with_name(stem.name + end) for end in ends))
+
+
+def check(experiment: Experiment) -> None:
+    """Refuses an experiment that can not be flown so.
+
+    Raises:
+        ValueError: With those that can.
+    """
+    if experiment.kind not in FLOWN:
+        raise ValueError(f"--wire flies {' and '.join(FLOWN)}, not {experiment.kind}")
+
+
+def route(run: Run) -> Route:
+    """The way-points of a flight of a run. The run's ways last as long as without the wire."""
+    flown = trajectory_of(run.waypoints, run.limits)
+    begins = [*flown.begins, flown.duration]
+    ways = [
+        point if k == 0 else _lasting(point, begins[k] - begins[k - 1] - point.hold)
+        for k, point in enumerate(run.waypoints)
+    ]
+    vehicle = tilthex.Vehicle.preset(run.vehicle)
+    above = stand.start(vehicle) + vehicle.tool_position + np.array([0.0, 0.0, TAKE_OFF])
+    home = Waypoint("home", tuple(above.tolist()), (0.0, 0.0, 0.0), 0.0, 0.0, (0.0,) * 6)
+    there, back = _over(ways[0]), _over(ways[-1])
+    limits = {key: max(value, run.limits[key]) for key, value in LIMITS.items()}
+    return Route((home, there, *ways, back, home), 2, limits)
+
+
+def _lasting(point: Waypoint, duration: float) -> Waypoint:
+    return Waypoint(**(asdict(point) | {"duration": duration}))
+
+
+def _over(point: Waypoint) -> Waypoint:
+    x, y, z = point.position
+    place = (x, y, z + CLEARANCE)
+    return Waypoint("transit", place, point.rpy_deg, 0.0, 0.0, (0.0,) * 6)
+
+
+def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = None) -> list[str]:
+    """Flies a run and leaves its log, its truth and the summary of `tilthex-rt`.
+
+    Args:
+        run: What to fly.
+        files: What is written, and what is read for it.
+        progress: Called with the seconds since its last call.
+
+    Returns:
+        How far the world was behind the clock, and what `tilthex-rt` warned of.
+
+    Raises:
+        OSError: A program is missing, or ended otherwise than it should; with its own sentence.
+    """
+    flown = route(run)
+    config = {"vehicle": {"preset": run.vehicle}} | dict(run.config)
+    config["mission"] = {"take_off_height": TAKE_OFF} | config.get("mission", {})
+    files.config.write_text(toml_text(config), encoding="utf-8")
+    # The first is where take-off ends.
+    points = [
+        {
+            "position": point.position,
+            "yaw_pitch_roll_deg": point.rpy_deg[::-1],
+            "force": point.wrench[:3],
+            "torque": point.wrench[3:],
+            "duration": point.duration,
+            "hold": point.hold,
+        }
+        for point in flown.waypoints[1:]
+    ]
+    text = toml_text({"limits": dict(flown.limits), "waypoint": points})
+    files.trajectory.write_text(text, encoding="utf-8")
+    files.world.write_text(toml_text(world_table(run)), encoding="utf-8")
+    for path in (files.log, files.truth):
+        path.unlink(missing_ok=True)
+    mocap = f"natnet://127.0.0.1:{_free_port()}/TILTHEX"
+    common = ["--config", str(files.config), "--mocap", mocap]
+    world = ["--world", str(files.world), "--world-truth", str(files.truth), "--seed", str(run.seed)]
+    with ExitStack() as stack:
+        simulated = Program(stack, "tilthex-sim", [*common, *world], subprocess.PIPE)
+        assert simulated.process.stdout is not None
+        port = simulated.process.stdout.readline().strip()
+        if not port:
+            simulated.process.wait()
+            raise OSError(simulated.sentence())
+        summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
+        link = ["--port", port, "--baud", "0", "--log", str(files.log), "--trajectory", str(files.trajectory)]
+        controller = Program(stack, "tilthex-rt", [*common, *link], summary)
+        _watch(controller.process, expected(run) + PATIENCE, files, progress)
+        if simulated.process.poll() is not None:
+            raise OSError(simulated.sentence())
+        if controller.process.returncode != 0:
+            raise OSError(f"{controller.sentence()} (the log is {files.log})")
+        simulated.process.send_signal(signal.SIGINT)
+        lag = simulated.process.stdout.read().strip()
+        if simulated.process.wait() != 0:
+            raise OSError(simulated.sentence())
+        return [lag, *controller.warnings()]
+
+
+class Program:
+    """One of the Rust programs; it lands and ends with the stack that it is entered into."""
+
+    def __init__(self, stack: ExitStack, name: str, arguments: Sequence[str], output: int | IO[str]) -> None:
+        self._name = name
+        errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - the stack closes it
+        self._errors = stack.enter_context(errors)
+        # In a session of its own: an interrupt is for this program, which ends the two in their order.
+        self.process = subprocess.Popen(
+            [program(name), *arguments],
+            stdout=output,
+            stderr=self._errors,
+            text=True,
+            start_new_session=True,
+        )
+        stack.callback(self._end)
+
+    def sentence(self) -> str:
+        """What it said of a bad end."""
+        lines = [line for line in self._lines() if "warning:" not in line]
+        return lines[-1] if lines else f"{self._name} ended without a word ({self.process.returncode})"
+
+    def warnings(self) -> list[str]:
+        """What it warned of."""
+        return [line for line in self._lines() if "warning:" in line]
+
+    def _lines(self) -> list[str]:
+        self._errors.seek(0)
+        return [line.strip() for line in self._errors if line.strip()]
+
+    def _end(self) -> None:
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+            try:
+                self.process.wait(LANDING)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+
+
+def program(name: str) -> str:
+    """The path of one of the Rust programs: beside this Python, or on the path.
+
+    Raises:
+        OSError: It is in neither place.
+    """
+    beside = Path(sys.executable).parent / name
+    found = str(beside) if beside.exists() else shutil.which(name)
+    if found is None:
+        raise OSError(
+            f"{name} is neither in {beside.parent} nor on the path; pip install tilthex puts it there"
+        )
+    return found
+
+
+def expected(run: Run) -> float:
+    """About how long a flight takes, s."""
+    return AROUND + route(run).trajectory.duration
+
+
+def toml_text(table: Mapping[str, Any], path: str = "") -> str:
+    """A table as TOML: numbers, strings, lists of them, tables and lists of tables."""
+    lines, below = [], []
+    for key, value in table.items():
+        name = f"{path}{key}"
+        if isinstance(value, Mapping):
+            below.append(f"\n[{name}]\n{toml_text(value, name + '.')}")
+        elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
+            below += [f"\n[[{name}]]\n{toml_text(item, name + '.')}" for item in value]
+        else:
+            # Numbers, strings and lists of them are written as JSON writes them.
+            lines.append(f"{key} = {json.dumps(value)}\n")
+    return "".join(lines + below)
+
+
+def world_table(run: Run) -> dict[str, Any]:
+    """An experiment's file with this run alone."""
+    points = [asdict(point) for point in run.waypoints]
+    return {
+        "experiment": run.experiment,
+        "vehicle": run.vehicle,
+        "seed": run.seed,
+        "config": run.config,
+        "world": run.world,
+        "noise": asdict(run.noise),
+        "trajectory": {**run.limits, "waypoint": points},
+        "judge": run.judge,
+        "run": [{"name": run.name}],
+    }
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
+        line.bind(("127.0.0.1", 0))
+        return int(line.getsockname()[1])
+
+
+def _watch(
+    process: subprocess.Popen[str],
+    patience: float,
+    files: Files,
+    progress: Callable[[float], object] | None,
+) -> None:
+    """Waits for the end of the flight; where the vehicle ends first, the controller follows by itself."""
+    begun = last = time.monotonic()
+    while process.poll() is None:
+        time.sleep(0.1)
+        now = time.monotonic()
+        if progress is not None:
+            progress(now - last)
+        if now - begun > patience:
+            raise OSError(
+                f"the flight did not end within {patience:.0f} s: the vehicle is lost; {files.summary} says "
+                "how many ticks were late, and a machine that stops in flight for 0.2 s is enough"
+            )
+        last = now

@@ -1,0 +1,144 @@
+"""A flight through the wire as a record: the log of `tilthex-rt` beside the truth of the world.
+
+Both count the monotonic clock of the same machine; a tick is given the truth of the
+nearest cycle, at most half a millisecond off.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+import tilthex
+from tilthex import log
+from tilthex.experiments.record import COLUMNS, Record
+from tilthex.experiments.spec import Run
+from tilthex.experiments.wire import Files, Route
+from tilthex.recording import rotations_from_quaternions
+
+Vector = NDArray[np.float64]
+
+TOPICS = ("/flight", "/state", "/setpoint", "/reference", "/wrench", "/control", "/timing")
+FLYING = 3
+"""The phase of a flight that nothing holds back."""
+APART = 3e-3
+"""The logged set-point may be so far from the planned one, m: a tick's way, with a margin."""
+
+
+def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
+    """The run's part of a flight, and what is to be said of the whole of it.
+
+    Raises:
+        ValueError: The log or the truth is not whole, or they are not of this route.
+    """
+    columns = log.read(files.log, TOPICS)
+    lengths = {len(found["log_time"]) for found in columns.values()}
+    if len(lengths) != 1:
+        raise ValueError(
+            f"{files.log} has topics of {len(lengths)} lengths; expected one message each a tick"
+        )
+    time = columns["/flight"]["time"]
+    begin = _begin(columns, files.log)
+    trajectory = route.trajectory
+    _check_way(route, columns, begin, files.log)
+    begins = np.array(trajectory.begins)
+    # From the stay at the run's first way-point to the end of that at its last.
+    count = len(run.waypoints)
+    arrival = begins[route.first] - route.waypoints[route.first].hold
+    leave = begins[route.first + count - 1]
+    rows = np.flatnonzero((time >= begin + arrival) & (time < begin + leave))
+    record = Record(_truth(files.truth, time[rows]), list(dict.fromkeys(p.phase for p in run.waypoints)))
+    record.run = run.name
+    record.columns["time"] = time[rows] - begin - arrival
+    chain = {name: values[rows] for name, values in _chain(columns).items()}
+    record.take(chain, tilthex.Vehicle.preset(run.vehicle).tool_rotation)
+    record.seconds = float(leave - arrival)
+    # The run's way-point that each row is on the way to, or stays at.
+    on_way = np.searchsorted(begins[route.first :], time[rows] - begin, side="right")
+    owner = np.array([record.phases.index(point.phase) for point in run.waypoints])
+    record.phase = owner[np.minimum(on_way, count - 1)]
+    if np.any(columns["/flight"]["phase"][rows] != FLYING):
+        record.ended = "the supervisor held the tool back"
+    return record, [*_notes(columns, rows), _off(record)]
+
+
+def _begin(columns: dict[str, log.Columns], path: Path) -> float:
+    """When the route began: the first set-point that moves after the bias was learnt."""
+    compliant = columns["/control"]["compliant"] > 0.0
+    moves = np.linalg.norm(columns["/setpoint"]["velocity_w"], axis=1) > 0.0
+    found = np.flatnonzero(compliant & moves)
+    if not len(found):
+        raise ValueError(f"{path} holds no flight that reached its trajectory")
+    return float(columns["/flight"]["time"][found[0] - 1])
+
+
+def _check_way(route: Route, columns: dict[str, log.Columns], begin: float, path: Path) -> None:
+    """The set-points of the log must be the route's, or phases and times mean nothing."""
+    time, trajectory = columns["/flight"]["time"] - begin, route.trajectory
+    rows = np.flatnonzero((time > trajectory.begins[0]) & (time < trajectory.duration))[::50]
+    planned = np.array([trajectory.sample(float(t)).position for t in time[rows]])
+    # Where the way begins is where take-off ended.
+    later = time[rows] > trajectory.begins[1]
+    apart = np.linalg.norm(columns["/setpoint"]["position_w"][rows] - planned, axis=1)[later]
+    if not len(apart) or np.max(apart) > APART:
+        worst = np.max(apart) if len(apart) else float("nan")
+        raise ValueError(
+            f"{path}: its set-points are up to {1e3 * worst:.1f} mm off the trajectory's; expected at most "
+            f"{1e3 * APART:g} mm: the flight was held back, or is another one"
+        )
+
+
+def _truth(path: Path, times: Vector) -> dict[str, Vector]:
+    with np.load(path) as data:
+        at = 1e-9 * data["at"]
+        if not len(at) or times[0] < at[0] or times[-1] > at[-1] + 0.1:
+            raise ValueError(f"{path} does not cover the flight; expected the truth of the same one")
+        after = np.clip(np.searchsorted(at, times), 1, len(at) - 1)
+        nearest = np.where(times - at[after - 1] < at[after] - times, after - 1, after)
+        return {name: data[name][nearest] for name in COLUMNS}
+
+
+def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
+    """The columns that `tilthex.Loop.record` has."""
+    state, wrench, control = columns["/state"], columns["/wrench"], columns["/control"]
+    found = {
+        "estimated_position": state["position_w"],
+        "estimated_velocity": state["velocity_w"],
+        "estimated_rotation": rotations_from_quaternions(state["orientation"]),
+        "position_error": control["position_error_w"],
+        "rotation_error": control["rotation_error_r"],
+        "saturated": control["saturated"][:, None],
+    }
+    for name in ("setpoint", "reference"):
+        target = columns[f"/{name}"]
+        found[f"{name}_position"] = target["position_w"]
+        found[f"{name}_rotation"] = rotations_from_quaternions(target["orientation"])
+    for name, field in (("robot", "robot"), ("tool", "tool_w"), ("admittance", "admittance_w")):
+        found[f"wrench_{name}"] = np.hstack([wrench[f"{field}.force"], wrench[f"{field}.torque"]])
+    return found
+
+
+def _notes(columns: dict[str, log.Columns], rows: NDArray[np.int64]) -> list[str]:
+    """How punctual the loop was, over the whole flight and in the run's part of it."""
+    timing = columns["/timing"]
+    flying = log.flying(columns["/flight"]["phase"])
+    latency = timing["imu_to_command"][flying & (timing["imu_to_command"] > 0.0)]
+    return [
+        f"{len(timing['skipped'])} ticks, {int(np.sum(timing['skipped']))} periods skipped, of them "
+        f"{int(np.sum(timing['skipped'][rows]))} in the run",
+        f"wake-up {_quantiles(timing['wake_latency'])} late",
+        f"command {_quantiles(latency)} after its IMU sample was found",
+    ]
+
+
+def _off(record: Record) -> str:
+    """How far the true tool was from where the controller wanted it."""
+    off = np.linalg.norm(record.tool_position - record.reference_position, axis=1)
+    return f"true tool {1e3 * np.max(off):.2f} mm at most from its reference"
+
+
+def _quantiles(nanoseconds: Vector) -> str:
+    half, most, worst = 1e-3 * np.percentile(nanoseconds, [50.0, 99.0, 100.0])
+    return f"{half:.0f} us (median), {most:.0f} us (99 %), {worst:.0f} us (largest)"

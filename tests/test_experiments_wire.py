@@ -1,0 +1,190 @@
+"""An experiment through the wire: tilthex-rt in real time against MuJoCo behind tilthex-sim."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
+
+from mcap.exceptions import McapError
+from mcap.reader import NonSeekingReader
+from mcap_protobuf.decoder import DecoderFactory
+from tilthex.experiments import judge, spec, wire, wire_record
+from tilthex.experiments.plan import trajectory_of
+from tilthex.experiments.record import Record, rms
+from tilthex.experiments.world_process import MAX_ROTORS, STATE, Stepper
+
+# The slope of `sliding` in a third of its time.
+BRIEF = {
+    "trajectory": {
+        "velocity": 0.6,
+        "acceleration": 1.0,
+        "waypoint": [
+            {"phase": "approach", "position": [0.0, 0.0, 0.5], "rpy_deg": [0.0, 7.5, 0.0], "hold": 0.5},
+            {"phase": "contact", "position": [0.0, 0.0, 0.38], "duration": 3.0},
+            {"phase": "slide", "position": [0.15, 0.0, 0.38], "duration": 3.0},
+            {"phase": "rest", "hold": 2.0},
+            {"phase": "release", "position": [0.15, 0.0, 0.55], "duration": 3.0, "hold": 0.5},
+        ],
+    }
+}
+
+
+def brief() -> spec.Run:
+    return spec.load("sliding", changes=BRIEF).runs[0]
+
+
+def fly(run: spec.Run, files: wire.Files, chances: int = 3) -> tuple[Record, list[str]]:
+    """A flight that the machine left alone: one that is starved in flight gets more chances."""
+    try:
+        wire.fly(run, files)
+        return wire_record.read(run, wire.route(run), files)
+    except (ValueError, OSError):
+        if chances == 1 or longest_silence(files.log) < 0.04:
+            raise
+    return fly(run, files, chances - 1)
+
+
+def longest_silence(path: Path) -> float:
+    """The longest time between two ticks with inertial samples, s; the log may break off."""
+    times: list[float] = []
+    samples: list[int] = []
+    with path.open("rb") as file, contextlib.suppress(McapError):
+        messages = NonSeekingReader(file, decoder_factories=[DecoderFactory()])
+        for _, channel, _, said in messages.iter_decoded_messages(["/flight", "/link"], log_time_order=False):
+            if channel.topic == "/flight":
+                times.append(said.time)
+            else:
+                samples.append(said.imu_samples)
+    heard = [time for time, count in zip(times, samples, strict=False) if count > 0]
+    return float(np.max(np.diff(heard), initial=0.0))
+
+
+def test_the_real_programs_slide_along_the_slope(tmp_path: Path) -> None:
+    try:
+        for end in os.openpty():
+            os.close(end)
+    except OSError:
+        pytest.skip("there is no pseudo-terminal here")
+    run = brief()
+    record, notes = fly(run, wire.Files.beside(tmp_path / "flight"))
+    duration = trajectory_of(run.waypoints, run.limits).duration
+    assert record.time[0] == pytest.approx(0.0, abs=0.1)
+    assert record.time[-1] == pytest.approx(duration, abs=0.1)
+    assert len(record.time) > 0.5 * duration / 0.002
+    assert "periods skipped" in notes[0]
+    free, touching = record.during("approach"), record.during("slide", "rest")
+    force = record.true_wrench[:, :3]
+    normal = run.scene().rotation[:, 2]
+    # Truth and estimate agree where there is contact and where there is none: in time, too.
+    assert np.all(force[free] == 0.0)
+    assert 0.4 < np.mean(force[touching] @ normal) < 2.5
+    assert rms(record.wrench_tool[touching, :3] - force[touching]) < 0.4
+    assert rms(record.wrench_tool[free, :3]) < 0.4
+    assert np.max(np.linalg.norm(record.tool_position - record.reference_position, axis=1)) < 0.03
+    assert np.max(np.linalg.norm(record.robot_position - record.estimated_position, axis=1)) < 0.02
+    # The reference stays on the surface, behind which the desired path goes on.
+    off = record.reference_position[touching] - record.setpoint_position[touching]
+    assert np.all(off[:, 2] > 0.03)
+    assert len(judge.of("sliding").checks(run, record)) > 3
+
+
+def test_the_run_is_the_same_with_and_without_the_wire() -> None:
+    for name in wire.FLOWN:
+        for run in spec.load(name).runs:
+            route, alone = wire.route(run), trajectory_of(run.waypoints, run.limits)
+            arrival = list(route.trajectory.begins)[route.first] - run.waypoints[0].hold
+            for t in np.linspace(0.0, alone.duration, 200).tolist():
+                one, other = alone.sample(t), route.trajectory.sample(arrival + t)
+                assert np.allclose(one.position, other.position, atol=1e-9)
+                assert np.allclose(one.rotation, other.rotation, atol=1e-9)
+                assert np.allclose(one.wrench, other.wrench, atol=1e-9)
+
+
+def test_a_written_world_is_the_run(tmp_path: Path) -> None:
+    run = brief()
+    path = tmp_path / "world.toml"
+    path.write_text(wire.toml_text(wire.world_table(run)))
+    assert spec.load(str(path)).runs == (run,)
+
+
+def test_the_vehicle_stands_beside_the_scene_and_lifts_off() -> None:
+    stepper = Stepper(brief())
+    start = stepper.world.position.copy()
+    at_rest = np.array(STATE.unpack(stepper.step(0, np.zeros(MAX_ROTORS)))[1:])
+    assert np.linalg.norm(at_rest[3:6]) < 1e-3
+    assert at_rest[30:33] == pytest.approx([0.0, 0.0, 9.81], abs=0.05)
+    # The stand carries it, not its tool.
+    assert np.all(at_rest[33:39] == 0.0)
+    assert at_rest[41] == pytest.approx(2.4 * 9.81, rel=0.01)
+    full = np.full(MAX_ROTORS, 90.0)
+    for _ in range(500):
+        stepper.step(0, full)
+    assert stepper.world.position[2] > start[2] + 0.1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--world", "slidign"], "no experiment 'slidign'"),
+        (["--world", "sliding", "--world-run", "K_y = 3"], "no run 'K_y = 3'"),
+        (["--world-run", "K_y = 10"], "--world <EXPERIMENT>"),
+    ],
+)
+def test_no_such_world_is_said_in_one_sentence(arguments: list[str], said: str) -> None:
+    call = [wire.program("tilthex-sim"), *arguments]
+    done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 2
+    assert len(done.stderr.splitlines()) == 1
+    assert said in done.stderr
+
+
+def test_a_world_that_dies_ends_the_vehicle_with_its_status() -> None:
+    call = [wire.program("tilthex-sim"), "--world", "sliding"]
+    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stderr is not None
+            assert process.stdout.readline().startswith("/dev/")
+            [child] = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+            os.kill(int(child), signal.SIGKILL)
+            assert process.wait(60) == 3
+            [line] = process.stderr.read().splitlines()
+            assert "ended by itself" in line
+        finally:
+            process.kill()
+
+
+def test_the_process_ends_with_its_input_and_writes_the_truth(tmp_path: Path) -> None:
+    truth = tmp_path / "truth.npz"
+    call = [sys.executable, "-m", "tilthex.experiments.world_process", "sliding", "--truth", str(truth)]
+    requests = [struct.pack(f"<Q{MAX_ROTORS}d", at, *[0.0] * MAX_ROTORS) for at in (5, 1_000_005)]
+    done = subprocess.run(call, input=b"".join(requests), capture_output=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith(b"tilthex1")
+    assert STATE.unpack(done.stdout[-STATE.size :])[0] == 1_000_005
+    with np.load(truth) as found:
+        assert found["at"].tolist() == [0, 5, 1_000_005]
+        assert found["tool_position"].shape == (3, 3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["shaping", "--wire"], "not shaping"),
+        (["sliding", "--wire", "--state", "exact"], "without --random and --state"),
+    ],
+)
+def test_what_the_wire_does_not_fly_is_refused(arguments: list[str], said: str, tmp_path: Path) -> None:
+    call = [sys.executable, "-m", "tilthex", "experiment", *arguments, "--out", str(tmp_path)]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert said in done.stderr and len(done.stderr.splitlines()) == 1
