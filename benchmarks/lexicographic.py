@@ -1,4 +1,13 @@
-"""The allocation problem solved level by level with an independent solver, and random instances of it."""
+"""`python -m benchmarks.lexicographic`: the allocator against quadratic programs solved level by level.
+
+Random vehicles and wrenches; the reference is quadprog, once and again for each priority.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+from dataclasses import dataclass
 
 import numpy as np
 import tilthex
@@ -94,3 +103,93 @@ def random_wrench(rng: np.random.Generator, vehicle: tilthex.Vehicle) -> np.ndar
         [0, 0, vehicle.mass * tilthex.GRAVITY]
     )
     return np.concatenate([carried + force * rng.normal(size=3), torque * rng.normal(size=3)])
+
+
+@dataclass
+class Tally:
+    """What came of some problems.
+
+    Attributes:
+        problems: how many there were.
+        limited: those whose solution has rotors at their limits.
+        better: those where the reference is worse in the first part that differs: it stopped early.
+        worse: those where the allocator is.
+        largest: largest difference of a part's error where neither is, N or N m per `1 + |wrench|`.
+        longest: most steps of a search.
+    """
+
+    problems: int = 0
+    limited: int = 0
+    better: int = 0
+    worse: int = 0
+    largest: float = 0.0
+    longest: int = 0
+
+    def add(self, other: Tally) -> None:
+        self.problems += other.problems
+        self.limited += other.limited
+        self.better += other.better
+        self.worse += other.worse
+        self.largest = max(self.largest, other.largest)
+        self.longest = max(self.longest, other.longest)
+
+
+TOLERANCE = 1e-8
+"""Of a part's error, N or N m per `1 + |wrench|`."""
+
+
+def compare(seed: int, number: int) -> Tally:
+    """Solves random problems both ways.
+
+    Raises:
+        ValueError: where a rotor is asked beyond its limits.
+    """
+    rng = np.random.default_rng(seed)
+    tally = Tally(number)
+    for _ in range(number):
+        vehicle = random_vehicle(rng)
+        wanted = random_wrench(rng, vehicle)
+        out = tilthex.Allocator(vehicle).allocate(wanted)
+        low, high = vehicle.rotor_speed_limits.T
+        if (out.rotor_speeds < low - 1e-9).any() or (out.rotor_speeds > high + 1e-9).any():
+            raise ValueError(f"rotor speeds {out.rotor_speeds} Hz are beyond the limits for {wanted}")
+        tally.longest = max(tally.longest, out.iterations)
+        if out.iterations == 0:
+            continue
+        tally.limited += 1
+        difference = errors(vehicle, wanted, out.inputs) - least_errors(vehicle, wanted)
+        difference /= 1 + np.linalg.norm(wanted)
+        # The first part that differs decides.
+        differs = np.flatnonzero(abs(difference) > TOLERANCE)
+        if not len(differs):
+            tally.largest = max(tally.largest, float(abs(difference).max()))
+        elif difference[differs[0]] < 0:
+            tally.better += 1
+        else:
+            tally.worse += 1
+    return tally
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Compares the allocator with quadprog on random problems.")
+    parser.add_argument("--number", type=int, default=10_000, help="of problems (default: 10000)")
+    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--seed", type=int, default=1)
+    arguments = parser.parse_args()
+    share = 500
+    sizes = [min(share, arguments.number - done) for done in range(0, arguments.number, share)]
+    total = Tally()
+    with multiprocessing.Pool(arguments.jobs) as pool:
+        for tally in pool.starmap(compare, [(arguments.seed + k, n) for k, n in enumerate(sizes)], 1):
+            total.add(tally)
+    print(
+        f"{total.problems} problems, {total.limited} at limits: {total.worse} worse than the reference, "
+        f"{total.better} better; largest difference of the others {total.largest:.1e}; "
+        f"longest search {total.longest} steps"
+    )
+    if total.worse:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main()
