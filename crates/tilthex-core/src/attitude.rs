@@ -208,8 +208,7 @@ impl AttitudeSelector {
         if turn(force_w).is_some_and(|t| t == Vector3::zeros()) {
             return (Vector3::zeros(), *force_w);
         }
-        let vertical =
-            force_w.z.min(MOST_VERTICAL * self.strongest).max(LEAST_VERTICAL * self.weight);
+        let vertical = force_w.z.min(MOST_VERTICAL * self.strongest).max(LEAST_VERTICAL * self.weight);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
         let mut allowed = |part: f64| {

@@ -131,8 +131,9 @@ impl TurnFilter {
     /// Keeps the chosen attitude and its rate where the wanted ones jump: no rotor can follow a jump.
     fn absorb_jump(state: &mut TurnState, wanted: &Reference, dt: f64) {
         let Some((rotation_wr, velocity_r)) = state.wanted else { return };
-        let expected = rotation_wr * so3::exp(&(velocity_r * dt));
-        let jump = wanted.rotation_wr.transpose() * expected;
+        // Where the wanted attitude now was a period ago, by its angular velocity.
+        let origin_wr = wanted.rotation_wr * so3::exp(&(-dt * wanted.angular_velocity_r));
+        let jump = origin_wr.transpose() * rotation_wr;
         if so3::angle(&jump) <= JUMP {
             return;
         }
