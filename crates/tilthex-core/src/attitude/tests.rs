@@ -113,7 +113,6 @@ proptest! {
                 prop_assert!((rate - middle).norm() < 1e-6 * (1.0 + middle.norm()), "{k} {rate} {middle}");
                 let gained = (next.angular_velocity_r - last.angular_velocity_r) / dt;
                 let middle = 0.5 * (last.angular_acceleration_r + next.angular_acceleration_r);
-                let size = 1.0 + middle.norm();
                 let defect = (gained - middle).norm() / (1.0 + middle.norm());
                 // At the jump itself the carried velocity turns: a small part of an acceleration.
                 prop_assert!(defect < if k == 1000 { 0.2 } else { 5e-3 }, "{k} {gained} {middle}");

@@ -81,9 +81,11 @@ section! {
         mode: String = AttitudeMode::default().name().into(),
         /// Part of each rotor's input range, at either end, that hovering leaves for torques.
         reserve: f64 = AttitudeParams::default().reserve,
-        /// Largest turn away from the wanted attitude, degrees; horizontal force that needs more is given up.
+        /// Largest turn for the sake of horizontal force, degrees, from the attitude nearest to the wanted one
+        /// in which the vehicle hovers; force that needs more is given up.
         max_turn_deg: f64 = 45.0,
-        /// Both poles of the turn's filter, rad/s.
+        /// Of the turn's filter, rad/s: a small turn takes about two by this. Large ones take longer, as the
+        /// rotors need.
         bandwidth: f64 = AttitudeParams::default().bandwidth,
     }
 }
