@@ -44,6 +44,18 @@ pub enum Actuation {
     PositionAndHeading,
 }
 
+impl Actuation {
+    /// What can be tracked, in words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pose => "position and attitude",
+            Self::PositionAndPartOfAttitude => "position, heading and the tilt about one axis",
+            Self::PositionAndHeading => "position and heading",
+        }
+    }
+}
+
 /// A validated vehicle. Fields are read, never written: build a new one instead.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vehicle {
