@@ -87,7 +87,7 @@ pub struct AttitudeParams {
 
 impl Default for AttitudeParams {
     fn default() -> Self {
-        let max_turn = core::f64::consts::FRAC_PI_4;
+        let max_turn = 35.0 * core::f64::consts::PI / 180.0;
         Self { mode: AttitudeMode::default(), reserve: 0.05, max_turn, bandwidth: 10.0 }
     }
 }
