@@ -8,6 +8,7 @@ use libm::sqrt;
 pub(super) type Small = [[f64; LEVEL_ROWS]; LEVEL_ROWS];
 
 /// `L y = r` where row `pick[j]` of `L` ends at column `j`.
+#[inline]
 pub(super) fn forward_substitution(
     l: &Small,
     pick: &[usize; LEVEL_ROWS],
@@ -28,6 +29,7 @@ pub(super) fn forward_substitution(
 }
 
 /// The `y` of least `|L y - r|`, for `L` of full column rank.
+#[inline]
 pub(super) fn least_squares(l: &Small, r: &[f64; LEVEL_ROWS], rows: usize, rank: usize) -> [f64; LEVEL_ROWS] {
     let (rows, rank) = (rows.min(LEVEL_ROWS), rank.min(LEVEL_ROWS));
     let mut q = *l;
