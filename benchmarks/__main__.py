@@ -8,8 +8,8 @@ from collections.abc import Callable
 import numpy as np
 import tilthex
 
+from benchmarks import allocation, ukf
 from benchmarks import numpy_controller as plain
-from benchmarks import ukf
 
 ROUNDS = 7
 
@@ -96,6 +96,8 @@ def main() -> None:
     )
     print()
     ukf.main()
+    print()
+    allocation.main()
 
 
 if __name__ == "__main__":

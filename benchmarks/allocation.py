@@ -1,20 +1,17 @@
 """The allocator beside NumPy's pseudo-inverse with a clip, and a quadratic program a level.
 
-python benchmarks/allocation.py
+python -m benchmarks.allocation
 
 Prints times of one allocation, and ratios to the allocator's in the same run. The allocator's own
 time from Python is mostly that of the call; `cargo bench -p tilthex-core --bench allocation` has its own.
 """
 
-import sys
 import timeit
-from pathlib import Path
 
 import numpy as np
 import tilthex
 
-sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
-from lexicographic import least_errors
+from benchmarks.lexicographic import least_errors
 
 
 def best(call, number: int) -> float:

@@ -1,45 +1,18 @@
 """The allocator against quadratic programs solved level by level (quadprog)."""
 
-import os
-
 import numpy as np
 import pytest
 import tilthex
-from lexicographic import ORDER, errors, least_errors, random_vehicle, random_wrench
 
-PROBLEMS = int(os.environ.get("TILTHEX_ALLOCATION_PROBLEMS", "400"))
+from benchmarks.lexicographic import ORDER, compare
 
 
 def test_the_errors_are_those_of_an_independent_solver():
-    rng = np.random.default_rng(int(os.environ.get("TILTHEX_ALLOCATION_SEED", "1")))
-    limited, worst, better, longest = 0, 0.0, 0, 0
-    for _ in range(PROBLEMS):
-        vehicle = random_vehicle(rng)
-        wanted = random_wrench(rng, vehicle)
-        out = tilthex.Allocator(vehicle).allocate(wanted)
-        limits = vehicle.rotor_speed_limits
-        assert (out.rotor_speeds >= limits[:, 0] - 1e-9).all()
-        assert (out.rotor_speeds <= limits[:, 1] + 1e-9).all()
-        longest = max(longest, out.iterations)
-        if out.iterations == 0:
-            continue
-        limited += 1
-        mine, theirs = errors(vehicle, wanted, out.inputs), least_errors(vehicle, wanted)
-        # The first part that differs decides; an equal one must be equal to 1e-8.
-        tolerance = 1e-8 * (1 + np.linalg.norm(wanted))
-        differs = np.flatnonzero(abs(mine - theirs) > tolerance)
-        if len(differs):
-            first = differs[0]
-            assert mine[first] < theirs[first], (vehicle, wanted, mine, theirs)
-            better += 1
-        else:
-            worst = max(worst, float(abs(mine - theirs).max()))
-    print(
-        f"{PROBLEMS} problems, {limited} at limits: largest difference {worst:.1e}, "
-        f"{better} better than the reference, longest search {longest} steps"
-    )
-    assert limited > 0.3 * PROBLEMS
-    assert better <= 0.005 * PROBLEMS
+    # `python -m benchmarks.lexicographic` does more of them.
+    tally = compare(seed=1, number=400)
+    assert tally.different == 0
+    assert tally.limited > 0.3 * tally.problems
+    assert tally.refused <= 0.005 * tally.problems
 
 
 def test_a_part_is_given_up_only_after_those_behind_it():

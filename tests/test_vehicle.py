@@ -1,5 +1,7 @@
 """Vehicles, and rotations, against SciPy and an independent formulation of the allocation matrix."""
 
+import re
+
 import numpy as np
 import pytest
 import tilthex
@@ -81,6 +83,48 @@ def test_the_file_of_a_preset_gives_the_preset(tmp_path):
     again = tmp_path / "again.toml"
     again.write_text('[vehicle]\nfile = "mine.toml"\n')
     assert tilthex.Vehicle.from_toml(again).name == "mine"
+
+
+ROTOR = {
+    "position": [0.2, 0, 0],
+    "axis": [0, 0, 1],
+    "spin": 1,
+    "thrust_coefficient": 3e-4,
+    "drag_coefficient": 5e-6,
+    "min_speed": 16,
+    "max_speed": 130,
+}
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"spinn": 1}, "[[vehicle.rotors]] 3: unknown key `spinn`; the nearest known one is `spin`"),
+        ({"spin": "left"}, "[[vehicle.rotors]] 3: invalid type: string"),
+        ({"spin": 0.5}, "rotor 3 has spin = 0.5; expected 1 or -1"),
+        ({"position": [1, 2]}, "[[vehicle.rotors]] 3: found 2 numbers, expected one number or 3"),
+        ({"axis": [0, 0, 2]}, "rotor 3 has length of axis = 2; expected a unit vector"),
+        ({"max_speed": 10}, "rotor 3 has max_speed = 10; expected a number above min_speed"),
+        ({"drag_coefficient": -1}, "rotor 3 has drag_coefficient = -1; expected zero or a positive"),
+        ({"min_speed": None}, "[[vehicle.rotors]] 3: `min_speed` is missing"),
+    ],
+)
+def test_a_bad_rotor_is_named_with_its_key(change, sentence):
+    angles = np.arange(4) * np.pi / 2
+    rotors = [
+        ROTOR | {"position": [0.2 * np.cos(a), 0.2 * np.sin(a), 0], "spin": (-1) ** i}
+        for i, a in enumerate(angles)
+    ]
+    described = {"mass": 1, "inertia": [0.01, 0.01, 0.02], "rotors": rotors}
+    assert tilthex.Vehicle.from_dict(described).tracks == "position and heading"
+    rotors[2] = {k: v for k, v in (rotors[2] | change).items() if v is not None}
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        tilthex.Vehicle.from_dict(described)
+
+
+def test_a_vehicle_says_what_it_tracks():
+    assert tilthex.Vehicle.preset("tilt-hex").tracks == "position and attitude"
+    assert "tracks position and heading" in repr(tilthex.Vehicle.preset("hexarotor"))
 
 
 @pytest.mark.parametrize(

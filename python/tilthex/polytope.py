@@ -112,10 +112,11 @@ class WrenchPolytope:
 
         hull = ConvexHull(self.vertices)
         if k == 3:
-            from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+            from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-            faces = Poly3DCollection(self.vertices[hull.simplices], alpha=0.3, **style)
+            faces = Poly3DCollection(self.vertices[hull.simplices], **({"alpha": 0.3} | style))
             axes.add_collection3d(faces)
+            axes.add_collection3d(Line3DCollection(self.vertices[_ridges(hull)], colors="k", linewidths=0.7))
             axes.auto_scale_xyz(*self.vertices.T)
             axes.set_zlabel(self._label(2))
         else:
@@ -353,6 +354,18 @@ def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPo
         dimension,
         _volume(points[corner], dimension, k),
     )
+
+
+def _ridges(hull: Any) -> NDArray[np.intp]:
+    """Pairs of vertices between facets of a hull that are not in one plane, (m, 2)."""
+    pairs = [
+        (a, b)
+        for i, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors, strict=True))
+        for k, j in enumerate(neighbours)
+        if i < j and hull.equations[i, :3] @ hull.equations[j, :3] < 1 - 1e-6
+        for a, b in [np.delete(corners, k)]
+    ]
+    return np.array(pairs, dtype=np.intp).reshape(-1, 2)
 
 
 def _volume(points: Array, dimension: int, k: int) -> float:

@@ -218,7 +218,9 @@ impl Controller {
             self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt)
         };
         let robot_reference = attitude.reference;
-        let pose = self.pose.step(robot, &robot_reference);
+        let mut asked = robot_reference;
+        asked.angular_acceleration_r += attitude.lead_r;
+        let pose = self.pose.step(robot, &asked);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &observed) }.to_vector();

@@ -117,6 +117,13 @@ impl Vehicle {
         array1(py, &limits).reshape([rotors.len(), 2])
     }
 
+    /// What the vehicle can track, by the rank of the allocation matrix: "position and attitude" (6),
+    /// "position, heading and the tilt about one axis" (5), "position and heading" (4).
+    #[getter]
+    fn tracks(&self) -> &'static str {
+        self.core().actuation().name()
+    }
+
     /// Time constant of the rotor speed's first-order lag, s.
     #[getter]
     fn rotor_time_constant(&self) -> f64 {
@@ -187,6 +194,7 @@ impl Vehicle {
 
     fn __repr__(&self) -> String {
         let v = self.core();
-        format!("Vehicle('{}', mass={} kg, {} rotors)", self.name(), v.mass(), v.rotor_count())
+        let (name, mass, rotors) = (self.name(), v.mass(), v.rotor_count());
+        format!("Vehicle('{name}', mass={mass} kg, {rotors} rotors, tracks {})", v.actuation().name())
     }
 }

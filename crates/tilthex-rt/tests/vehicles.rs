@@ -201,14 +201,21 @@ fn the_redundant_vehicles_hold_after_the_loss_of_any_rotor() {
     }
 }
 
-/// A Tilt-Hex can not hover at rest on five rotors that turn one way: yaw is given up, the tilt is not.
+/// A Tilt-Hex can not hover at rest on five rotors that turn one way: yaw is given up, tilt and height are not.
 #[test]
-fn the_tilt_hex_stays_upright_without_a_rotor() {
-    let mut f = flight("tilt-hex", "[attitude]\nmode = \"fixed-tilt\"");
-    let start = f.hold();
-    f.fly(1.0, &start, &Wrench::ZERO);
-    f.lost = 1;
-    let out = f.fly(0.5, &start, &Wrench::ZERO);
-    assert_eq!(out.allocation.given_up, Some(Priority::YawTorque));
-    assert!(so3::tilt(&f.state.robot.rotation_wr).to_degrees() < 5.0);
+fn the_tilt_hexes_stay_upright_without_a_rotor() {
+    for name in ["tilt-hex", "tilt-hex-light"] {
+        for rotor in 0..6 {
+            let mut f = flight(name, "");
+            let start = f.hold();
+            f.fly(1.0, &start, &Wrench::ZERO);
+            f.lost = 1 << rotor;
+            for _ in 0..750 {
+                let out = f.tick(&start, &Wrench::ZERO);
+                assert!(out.allocation.given_up != Some(Priority::RollPitchTorque), "{name} {rotor}");
+                assert!(so3::tilt(&f.state.robot.rotation_wr).to_degrees() < 5.0, "{name} {rotor}");
+                assert!((f.state.robot.position_w.z - 1.0).abs() < 0.1, "{name} {rotor}");
+            }
+        }
+    }
 }

@@ -18,7 +18,12 @@
 //! that no step can panic needs it (`crates/tilthex-proof`).
 #![allow(clippy::needless_range_loop)] // an index runs along several vectors
 
+mod basis;
+mod small;
+
+use basis::{Basis, dot, largest};
 use libm::{fabs, sqrt};
+use small::{forward_substitution, least_squares};
 
 /// Rows of a wrench.
 pub(super) const ROWS: usize = 6;
@@ -238,7 +243,7 @@ impl<'a, const N: usize> Search<'a, N> {
         let y = if rank == rows {
             forward_substitution(&l, &pick, &residual, rank)
         } else {
-            small_least_squares(&l, &residual, rows, rank)
+            least_squares(&l, &residual, rows, rank)
         };
         let mut step = [0.0; N];
         for (j, y) in y.iter().enumerate().take(rank) {
@@ -385,134 +390,4 @@ impl<const N: usize> LevelStep<N> {
         }
         gradient
     }
-}
-
-/// Rows orthonormal over the free variables, carried over all.
-struct Basis<const N: usize> {
-    /// One where a variable is free, zero where it is held.
-    free: [f64; N],
-    rows: [[f64; N]; ROWS],
-    /// The rows with zeros at the held variables.
-    masked: [[f64; N]; ROWS],
-    count: usize,
-}
-
-impl<const N: usize> Basis<N> {
-    fn new(free: [f64; N]) -> Self {
-        Self { free, rows: [[0.0; N]; ROWS], masked: [[0.0; N]; ROWS], count: 0 }
-    }
-
-    fn norm_squared(&self, v: &[f64; N]) -> f64 {
-        let mut sum = 0.0;
-        for i in 0..N {
-            sum += v[i] * v[i] * self.free[i];
-        }
-        sum
-    }
-
-    fn coefficient(&self, j: usize, v: &[f64; N]) -> f64 {
-        dot(&self.masked[j.min(ROWS - 1)], v)
-    }
-
-    fn subtract(&self, j: usize, coefficient: f64, v: &mut [f64; N]) {
-        for i in 0..N {
-            v[i] -= coefficient * self.rows[j.min(ROWS - 1)][i];
-        }
-    }
-
-    /// Takes the basis' part out of `v`; a second time where little is left, for its rounding.
-    fn reduce(&self, v: &mut [f64; N]) {
-        if self.count == 0 {
-            return;
-        }
-        let before = self.norm_squared(v);
-        for j in 0..self.count {
-            self.subtract(j, self.coefficient(j, v), v);
-        }
-        if self.norm_squared(v) < 0.01 * before {
-            for j in 0..self.count {
-                self.subtract(j, self.coefficient(j, v), v);
-            }
-        }
-    }
-
-    fn push(&mut self, v: &[f64; N], norm: f64) {
-        let (Some(row), Some(masked)) = (self.rows.get_mut(self.count), self.masked.get_mut(self.count))
-        else {
-            return;
-        };
-        let inverse = 1.0 / norm;
-        for i in 0..N {
-            row[i] = v[i] * inverse;
-            masked[i] = row[i] * self.free[i];
-        }
-        self.count += 1;
-    }
-}
-
-fn dot<const N: usize>(a: &[f64; N], b: &[f64; N]) -> f64 {
-    let mut sum = 0.0;
-    for i in 0..N {
-        sum += a[i] * b[i];
-    }
-    sum
-}
-
-fn largest<const N: usize>(v: &[f64; N]) -> f64 {
-    v.iter().fold(0.0, |m, x| m.max(fabs(*x)))
-}
-
-type Small = [[f64; LEVEL_ROWS]; LEVEL_ROWS];
-
-/// `L y = r` where row `pick[j]` of `L` ends at column `j`.
-fn forward_substitution(
-    l: &Small,
-    pick: &[usize; LEVEL_ROWS],
-    r: &[f64; LEVEL_ROWS],
-    rank: usize,
-) -> [f64; LEVEL_ROWS] {
-    let mut y = [0.0; LEVEL_ROWS];
-    for j in 0..rank.min(LEVEL_ROWS) {
-        let taken = pick[j].min(LEVEL_ROWS - 1);
-        let row = &l[taken];
-        let mut sum = r[taken];
-        for i in 0..j {
-            sum -= row[i] * y[i];
-        }
-        y[j] = sum / row[j];
-    }
-    y
-}
-
-/// The `y` of least `|L y - r|`, for `L` of full column rank.
-fn small_least_squares(l: &Small, r: &[f64; LEVEL_ROWS], rows: usize, rank: usize) -> [f64; LEVEL_ROWS] {
-    let (rows, rank) = (rows.min(LEVEL_ROWS), rank.min(LEVEL_ROWS));
-    let mut q = *l;
-    let mut upper: Small = [[0.0; LEVEL_ROWS]; LEVEL_ROWS];
-    let mut rhs = *r;
-    let mut y = [0.0; LEVEL_ROWS];
-    for j in 0..rank {
-        let norm = sqrt((0..rows).map(|s| q[s][j] * q[s][j]).sum());
-        upper[j][j] = norm;
-        for row in q.iter_mut().take(rows) {
-            row[j] /= norm;
-        }
-        for k in j + 1..rank {
-            upper[j][k] = (0..rows).map(|s| q[s][j] * q[s][k]).sum();
-            for row in q.iter_mut().take(rows) {
-                row[k] -= row[j] * upper[j][k];
-            }
-        }
-        y[j] = (0..rows).map(|s| q[s][j] * rhs[s]).sum();
-        for s in 0..rows {
-            rhs[s] -= q[s][j] * y[j];
-        }
-    }
-    for j in (0..rank).rev() {
-        for k in j + 1..rank {
-            y[j] -= upper[j][k] * y[k];
-        }
-        y[j] /= upper[j][j];
-    }
-    y
 }

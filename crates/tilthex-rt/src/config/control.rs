@@ -81,9 +81,11 @@ section! {
         mode: String = AttitudeMode::default().name().into(),
         /// Part of each rotor's input range, at either end, that hovering leaves for torques.
         reserve: f64 = AttitudeParams::default().reserve,
-        /// Largest turn away from the wanted attitude, degrees; horizontal force that needs more is given up.
-        max_turn_deg: f64 = 45.0,
-        /// Both poles of the turn's filter, rad/s.
+        /// Largest turn for the sake of horizontal force, degrees, from the attitude nearest to the wanted one
+        /// in which the vehicle hovers; force that needs more is given up.
+        max_turn_deg: f64 = 35.0,
+        /// Of the turn's filter, rad/s: a small turn takes about two by this. Large ones take longer, as the
+        /// rotors need.
         bandwidth: f64 = AttitudeParams::default().bandwidth,
     }
 }
@@ -151,12 +153,14 @@ impl AttitudeSection {
 /// Defaults that differ where a vehicle moves sideways only by tilting: there
 /// the attitude stands between the position's error and its force, and the
 /// position loop and the observer whose estimate it compensates must be slower.
+/// Such a vehicle has no other lateral force, and may turn further for it.
 pub(super) fn defaults(vehicle: &Vehicle) -> Result<Table, ConfigError> {
     let text = match vehicle.actuation() {
         Actuation::Pose => "",
         _ => {
             "pose_control = { position_gain = 5.0, velocity_gain = 5.0 }\n\
-             wrench_observer = { force_gain = 4.0 }\n"
+             wrench_observer = { force_gain = 4.0 }\n\
+             attitude = { max_turn_deg = 45.0 }\n"
         }
     };
     super::parse(text)

@@ -107,14 +107,18 @@ pub(crate) fn check_known<'a>(
 
 /// Reads a section from its table, key by key so that an error names its key.
 pub(crate) fn read<S: Section>(table: &Table) -> Result<S, ConfigError> {
-    let place = format!("[{}]", S::NAME);
+    read_at(&format!("[{}]", S::NAME), table)
+}
+
+/// The same of one of several, whose place errors name.
+pub(crate) fn read_at<S: Section>(place: &str, table: &Table) -> Result<S, ConfigError> {
     for key in table.keys() {
-        check_known("key", key, S::KEYS.iter().map(|k| k.name)).map_err(|e| e.within(&place))?;
+        check_known("key", key, S::KEYS.iter().map(|k| k.name)).map_err(|e| e.within(place))?;
     }
     table
         .clone()
         .try_into()
-        .map_err(|error: toml::de::Error| ConfigError::new(one_line(&error.to_string())).within(&place))
+        .map_err(|error: toml::de::Error| ConfigError::new(one_line(&error.to_string())).within(place))
 }
 
 /// An error text of the TOML library in one line.

@@ -237,7 +237,7 @@ fn require(table: &Table, place: &str, keys: &[&str]) -> Result<(), ConfigError>
 
 /// Reads a table whose keys must all be there, except for the rotor offset.
 fn read_complete<S: Section>(table: &Table, place: &str) -> Result<S, ConfigError> {
-    let section = section::read(table)?;
+    let section = section::read_at(place, table)?;
     let needed: Vec<_> = S::KEYS.iter().map(|k| k.name).filter(|k| *k != "rotor_offset").collect();
     require(table, place, &needed)?;
     Ok(section)
