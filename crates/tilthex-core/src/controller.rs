@@ -213,7 +213,7 @@ impl Controller {
         let force_w = self.wanted_force(&self.pose.step(robot, &full), &observed);
         let attitude = if input.fixed_attitude {
             state.attitude = AttitudeState::default();
-            Attitude { reference: full, force_w }
+            Attitude { reference: full, lead_r: Vector3::zeros(), force_w }
         } else {
             self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt)
         };
