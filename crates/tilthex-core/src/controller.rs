@@ -15,6 +15,9 @@ use crate::{
     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
 };
 
+/// Torque about every axis by the weight, m, without which a hover does not last.
+const LEAST_TORQUE: f64 = 1e-2;
+
 /// Parameters of every block of the controller.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerParams {
@@ -168,15 +171,23 @@ impl Controller {
         self.admittance = filter;
     }
 
-    /// Whether the vehicle can hover level and at rest without some rotors: bit `i` of `lost` is rotor `i`.
+    /// Whether the vehicle can hover level and at rest without some rotors, and turn any way from
+    /// there: bit `i` of `lost` is rotor `i`.
     #[must_use]
     pub fn hovers_without(&self, lost: u16) -> bool {
-        let weight = Vector6::new(0.0, 0.0, self.vehicle.mass() * GRAVITY, 0.0, 0.0, 0.0);
+        let weight = self.vehicle.mass() * GRAVITY;
         let rotors = RotorStatus { lost, ..RotorStatus::default() };
-        let found = self.allocator.step(&mut AllocatorState::default(), &weight, &rotors);
-        // Lateral force is a matter of attitude.
-        let [roll_pitch, vertical, yaw, _lateral] = found.shortfall;
-        roll_pitch.max(vertical).max(yaw) < 1e-3 * weight[2]
+        let possible = |torque: Vector3| {
+            let wrench = Wrench { force: Vector3::new(0.0, 0.0, weight), torque }.to_vector();
+            let found = self.allocator.step(&mut AllocatorState::default(), &wrench, &rotors);
+            // Lateral force is a matter of attitude.
+            let [roll_pitch, vertical, yaw, _lateral] = found.shortfall;
+            roll_pitch.max(vertical).max(yaw) < 1e-4 * weight
+        };
+        let least = LEAST_TORQUE * weight;
+        [Vector3::x(), Vector3::y(), Vector3::z()]
+            .iter()
+            .all(|axis| possible(axis * least) && possible(-axis * least))
     }
 
     /// One tick: `dt` is the measured time since the last, s.

@@ -29,10 +29,17 @@ fn a_spike_is_refused_and_a_step_is_believed() {
 #[test]
 fn a_stream_that_shakes_is_not_refused_for_long() {
     let mut gate = gate();
-    gate.step(&[0.0, 0.0], 0);
-    let passed =
-        (1..=60).filter(|i| gate.step(&[if i % 2 == 0 { 8.0 } else { -8.0 }, 0.0], 0) == Verdict::Pass);
-    assert_eq!(passed.count(), 10);
+    let (mut refused, mut longest) = (0, 0);
+    for i in 0..600 {
+        // No two that are near each other for a while.
+        let x = (7.3 * f64::from(i)) % 19.0 - 9.5;
+        refused = if gate.step(&[x, 0.0], 0) == Verdict::Pass { 0 } else { refused + 1 };
+        longest = longest.max(refused);
+    }
+    assert_eq!(longest, 5);
+    // With gaps it is not the stream that shakes.
+    let passed = (0..600).filter(|i| gate.step(&[9.0 * f64::from(i % 3 - 1), 0.0], 1) == Verdict::Pass);
+    assert!(passed.count() <= 201);
 }
 
 #[test]

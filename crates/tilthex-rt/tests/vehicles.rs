@@ -219,3 +219,16 @@ fn the_tilt_hexes_stay_upright_without_a_rotor() {
         }
     }
 }
+
+/// Which rotors a lasting hover needs: all of a Tilt-Hex; pairs of opposite ones leave it, but hardly any yaw torque.
+#[test]
+fn what_can_not_hover_is_known() {
+    let hovers = |name: &str, lost: u16| flight(name, "").controller.hovers_without(lost);
+    for lost in 1..64u16 {
+        assert!(!hovers("tilt-hex", lost), "{lost:06b}");
+    }
+    for rotor in 0..8 {
+        assert!(hovers("omnidirectional-octorotor", 1 << rotor), "{rotor}");
+    }
+    assert!(hovers("tilt-hex", 0) && hovers("hexarotor", 0));
+}

@@ -49,6 +49,10 @@ impl Flight {
                         dt,
                     );
                     self.output = Some(output);
+                    // Without its attitude, thrust only carries it away.
+                    if self.adrift && self.supervisor.active().contains(Fault::Tilt) {
+                        self.command = self.min_speeds;
+                    }
                 } else {
                     // Whatever is not finite must not stay in the memory of the laws.
                     self.not_finite = true;

@@ -103,7 +103,7 @@ impl ImuStream {
         let (time, lost) = match self.clock.step(frame.sequence, now) {
             Arrival::New { time, lost, .. } => (time, lost),
             Arrival::Duplicate => return,
-            Arrival::Suspect => (now, 0),
+            Arrival::Suspect => (now, 1),
         };
         // Two lost bytes make a frame with a temperature look like one without.
         let other_length = |last: ImuFrame| last.temperature.is_some() != frame.temperature.is_some();

@@ -15,7 +15,7 @@ pub struct GateParams<const N: usize> {
     pub jump: [f64; N],
     /// A jump is believed once so many samples in a row agree with it.
     pub patience: u8,
-    /// Nor are more than so many samples in a row refused for their jumps: a stream
+    /// Nor are more than so many samples in a row refused for their jumps, without a gap: a stream
     /// that shakes, as in an impact, agrees with nothing, and what it says still counts.
     pub longest: u8,
 }
@@ -102,7 +102,8 @@ impl<const N: usize> Gate<N> {
             return Verdict::Pass;
         }
         self.candidate = Some((*sample, agreeing));
-        self.refused_in_a_row = self.refused_in_a_row.saturating_add(1);
+        // Gaps are a broken line's, not an impact's.
+        self.refused_in_a_row = if lost == 0 { self.refused_in_a_row.saturating_add(1) } else { 1 };
         bump(&mut self.counters.jumps);
         Verdict::Jump
     }

@@ -124,7 +124,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::MotorWrongSpeed, "motor at a wrong speed", "a motor 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "it is driven faster by what is missing"),
     row(Fault::CommandNotFollowed, "command not followed", "half of the motors 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "the vehicle's own watchdog holds its lowest speed when commands stop reaching it"),
     row(Fault::ThrustLost, "thrust lost", "the external wrench takes away 60 % or more of what one rotor gives, for 60 ms", (0.0, 0.5), (Refuse, Land), "the motor counts as lost: its propeller is"),
-    row(Fault::RotorLost, "rotor lost", "a lost motor without which the vehicle can not hover at rest", (0.0, 0.5), (Refuse, Descend), "yaw is given up; down at 1 m/s, before the spin that follows takes the rest"),
+    row(Fault::RotorLost, "rotor lost", "a lost motor without which the vehicle can not hover at rest", (0.0, 0.5), (Refuse, Descend), "yaw is given up; down at 1 m/s, before the spin that follows takes the rest; once it has toppled, rotors at their lowest speeds"),
     row(Fault::BatteryLow, "battery low", "battery below the configured voltage", (1.0, 5.0), (Refuse, Land), "change the battery"),
     row(Fault::BatteryCritical, "battery critical", "battery below the configured critical voltage", (0.2, 5.0), (Refuse, Land), "change the battery"),
     row(Fault::PoseLate, "pose late", "newest pose older than 50 ms", (0.0, 0.2), (Note, Note), "the estimator goes on with the IMU"),
