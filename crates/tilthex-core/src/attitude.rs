@@ -98,8 +98,8 @@ pub struct AttitudeSelector {
     params: AttitudeParams,
     section: ForceSection,
     weight: f64,
-    /// Largest upward force, N, without a torque.
-    strongest: f64,
+    /// Least and largest upward force, N, that a turn is chosen for.
+    vertical: (f64, f64),
     filter: TurnFilter,
 }
 
@@ -129,9 +129,11 @@ const ROUNDS: usize = 20;
 const INSIDE: f64 = 1e-8;
 /// Halvings of the horizontal force in search of the largest possible.
 const HALVINGS: usize = 12;
-/// The vertical force that a turn is chosen for is at least this part of the weight: in a
-/// fall, too, it must be known where up is.
+/// The vertical force that a turn is chosen for is at least this part of the weight, since in
+/// a fall, too, it must be known where up is; and this many times the least there is, so that
+/// less horizontal force never is the harder one.
 const LEAST_VERTICAL: f64 = 0.2;
+const ABOVE_LEAST: f64 = 1.5;
 /// And at most this part of the largest: the rest is left to horizontal force.
 const MOST_VERTICAL: f64 = 0.9;
 
@@ -158,9 +160,14 @@ impl AttitudeSelector {
             lag: vehicle.rotor_time_constant(),
         };
         let weight = vehicle.mass() * GRAVITY;
-        let up = Vector3::new(0.0, 0.0, 1e3 * weight);
-        let strongest = section.nearest(&mut AllocatorState::default(), &up, &RotorStatus::default()).force.z;
-        Ok(Self { params, section, weight, strongest, filter })
+        let far = 1e3 * weight;
+        let farthest = |z: f64| {
+            let force = Vector3::new(0.0, 0.0, z);
+            section.nearest(&mut AllocatorState::default(), &force, &RotorStatus::default()).force.z
+        };
+        let vertical =
+            ((LEAST_VERTICAL * weight).max(ABOVE_LEAST * farthest(-far)), MOST_VERTICAL * farthest(far));
+        Ok(Self { params, section, weight, vertical, filter })
     }
 
     /// The parameters.
@@ -208,7 +215,7 @@ impl AttitudeSelector {
         if turn(force_w).is_some_and(|t| t == Vector3::zeros()) {
             return (Vector3::zeros(), *force_w);
         }
-        let vertical = force_w.z.min(MOST_VERTICAL * self.strongest).max(LEAST_VERTICAL * self.weight);
+        let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
         let mut allowed = |part: f64| {

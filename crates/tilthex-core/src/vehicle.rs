@@ -284,6 +284,8 @@ fn pseudo_inverse(a: &Allocation) -> (usize, f64, AllocationInverse) {
     let rank = svd.singular_values.iter().filter(|s| **s > floor).count();
     let smallest = svd.singular_values.iter().filter(|s| **s > floor).fold(largest, |m, s| m.min(*s));
     let inverse = svd.pseudo_inverse(floor).unwrap_or_else(|_| AllocationInverse::zeros());
+    // A step of Newton's iteration takes the decomposition's rounding out.
+    let inverse = inverse * 2.0 - inverse * (a * inverse);
     (rank, largest / smallest, inverse)
 }
 

@@ -210,12 +210,18 @@ fn the_tilt_hexes_stay_upright_without_a_rotor() {
             let start = f.hold();
             f.fly(1.0, &start, &Wrench::ZERO);
             f.lost = 1 << rotor;
+            let mut worst = 0.0f64;
             for _ in 0..750 {
-                let out = f.tick(&start, &Wrench::ZERO);
-                assert!(out.allocation.given_up != Some(Priority::RollPitchTorque), "{name} {rotor}");
-                assert!(so3::tilt(&f.state.robot.rotation_wr).to_degrees() < 5.0, "{name} {rotor}");
+                f.tick(&start, &Wrench::ZERO);
+                let tilt = so3::tilt(&f.state.robot.rotation_wr).to_degrees();
+                worst = worst.max(tilt);
                 assert!((f.state.robot.position_w.z - 1.0).abs() < 0.1, "{name} {rotor}");
             }
+            println!("{name} without {rotor}: {worst:.1} deg of tilt at most");
+            assert!(worst < 7.0, "{name} {rotor}");
+            let out = f.tick(&start, &Wrench::ZERO);
+            assert!(so3::tilt(&f.state.robot.rotation_wr).to_degrees() < 1.0, "{name} {rotor}");
+            assert_eq!(out.allocation.given_up, Some(Priority::YawTorque), "{name} {rotor}");
         }
     }
 }

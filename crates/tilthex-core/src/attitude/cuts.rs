@@ -52,7 +52,8 @@ impl Sphere {
         let planes = self.planes.get(..self.count).unwrap_or(&[]);
         let mut best: Option<Vector3> = None;
         let mut consider = |f: Vector3| {
-            let slack = 1e-11 * self.size;
+            // Wide enough that rounding leaves the corners in.
+            let slack = 1e-9 * self.size;
             let allowed = planes.iter().all(|p| p.normal.dot(&f) <= p.offset + slack);
             if allowed && best.is_none_or(|b| f.dot(&self.wanted) > b.dot(&self.wanted)) {
                 best = Some(f);

@@ -199,3 +199,20 @@ fn a_level_attitude_keeps_the_heading() {
     let refused = AttitudeSelector::new(&collinear(), params).unwrap_err();
     assert!(std::string::ToString::to_string(&refused).contains("zero-tilt"));
 }
+
+/// Of forces neither too large nor too small every one is possible after some turn; rare
+/// corners of the section are in here.
+#[test]
+fn a_turn_is_found_wherever_there_is_one() {
+    let s = selector(&tilt_hex());
+    let mut random = crate::random::Random::new(5);
+    for _ in 0..100_000 {
+        let f = Vector3::new(12.0 * random.normal(), 12.0 * random.normal(), 25.0 + 4.0 * random.normal());
+        if !(10.0..55.0).contains(&f.norm()) {
+            continue;
+        }
+        let turn = s.turn(&mut AttitudeState::default(), &Matrix3::identity(), &f, &RotorStatus::default());
+        let turn = turn.unwrap_or_else(|| panic!("{f:?}"));
+        assert!(attainable(&s, &(so3::exp(&turn).transpose() * f)), "{f:?}");
+    }
+}
