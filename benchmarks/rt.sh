@@ -10,6 +10,7 @@ for tool in cyclictest stress-ng; do
     }
 done
 program=target/release/tilthex-rt
+vehicle=target/release/tilthex-sim
 out=$(mktemp -d)
 trap 'kill $(jobs -p) 2> /dev/null || true; rm -rf "$out"' EXIT
 last=$(($(nproc) - 1))
@@ -27,10 +28,15 @@ quantiles() {
 
 measure() {
     echo "== $1"
+    # The vehicle is a program of its own, as the real one is.
+    "$vehicle" --link "$out/vehicle" --mocap natnet://127.0.0.1:15110/1 > "$out/sim" 2>&1 &
+    simulated=$!
+    sleep 1
     # At the same time, half a period apart: what the machine takes, it takes from both.
     cyclictest -q -m -p 49 -i 2000 -D "$seconds" -h 20000 -a "$last" -t 1 > "$out/cyclictest" 2> /dev/null &
     cyclic=$!
-    "$program" --sim --duration "$seconds" --log "$out/flight.mcap" --control 127.0.0.1:0 > "$out/rt" 2> "$out/warnings" &
+    "$program" --port "$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --duration "$seconds" --log "$out/flight.mcap" \
+        --control 127.0.0.1:0 > "$out/rt" 2> "$out/warnings" &
     flight=$!
     largest=0
     while kill -0 $flight 2> /dev/null; do
@@ -39,11 +45,14 @@ measure() {
         sleep 0.5
     done
     wait $cyclic $flight || true
+    kill -INT $simulated
+    wait $simulated || true
     sort -u "$out/warnings"
     printf 'cyclictest, wake-up   p50, p99, p99.9, max'
     quantiles "$out/cyclictest"
-    grep -E '^(ticks|late)|^  ' "$out/rt" | grep -v ' s  '
-    echo "resident memory     $((largest / 1024)) MB"
+    grep -E '^(ticks|late)|^  |dropped' "$out/rt" | grep -v ' s  '
+    grep '^IMU byte' "$out/sim" | sed 's/^/  /'
+    awk -v kb=$largest 'BEGIN { printf "resident memory     %.1f MB\n", kb * 1024 / 1e6 }'
 }
 
 measure idle

@@ -96,6 +96,9 @@ pub fn run() -> Result<(), Failure> {
         std::thread::sleep(Duration::from_millis(50));
     }
     let report = server.stop();
+    if report.imu_to_command.count > 0 {
+        let _ = writeln!(out, "IMU byte out of vehicle to command in  {}", report.imu_to_command);
+    }
     if args.world.is_some() {
         let _ = writeln!(out, "the world is behind the clock by {}", report.lag);
     }

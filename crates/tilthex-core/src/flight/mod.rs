@@ -199,6 +199,7 @@ impl Flight {
         let dt = period.min(LONGEST_STEP);
         out.clear();
         self.session.receive(input.bytes, now);
+        self.rotor_model.set_garbled(self.supervisor.active().contains(Fault::LinkGarbage));
         self.rotor_model.step(&self.command, !input.host.link_lost, period);
         let rotor_speeds = self.rotor_model.speeds(self.session.motors(), now);
         let before = self.estimator.robot_state();

@@ -32,6 +32,8 @@ pub(super) struct RotorModel {
     expected: RotorVector,
     /// Measured speeds by the model's, up to 1.
     gain: RotorVector,
+    /// Whether the line is full of garbage: without a checksum some of it passes for measurements.
+    garbled: bool,
 }
 
 impl RotorModel {
@@ -45,7 +47,15 @@ impl RotorModel {
             *slot = rotor.min_speed;
         }
         let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
-        Self { rate, lowest, reached: zero, unreached: 0.0, expected: zero, gain: RotorVector::repeat(1.0) }
+        Self {
+            rate,
+            lowest,
+            reached: zero,
+            unreached: 0.0,
+            expected: zero,
+            gain: RotorVector::repeat(1.0),
+            garbled: false,
+        }
     }
 
     /// Moves on by `dt` seconds of a command, Hz; without a line none reaches the vehicle.
@@ -61,11 +71,20 @@ impl RotorModel {
         self.expected += (self.reached - self.expected) * lag_fraction(self.rate, dt);
     }
 
+    /// Whether what is heard of motors is to be believed from now on.
+    pub(super) fn set_garbled(&mut self, garbled: bool) {
+        self.garbled = garbled;
+    }
+
+    fn is_measured(&self, motor: &Motor, now: f64) -> bool {
+        !self.garbled && now - motor.heard <= STALE
+    }
+
     /// Learns by how much motors turn too slowly, from a fault of theirs on.
     pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, at_fault: bool, dt: f64) {
         let (rate, least) = GAIN;
         let (_, fast) = STOPPED;
-        if !at_fault || 2 * self.wrong_speeds(motors, now) >= motors.len() {
+        if !at_fault || self.garbled || 2 * self.wrong_speeds(motors, now) >= motors.len() {
             return;
         }
         for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
@@ -88,7 +107,7 @@ impl RotorModel {
         let mut speeds = RotorVector::zeros();
         let model = self.expected.iter().zip(self.gain.iter());
         for ((speed, (expected, gain)), motor) in speeds.iter_mut().zip(model).zip(motors) {
-            *speed = if now - motor.heard > STALE { expected * gain } else { motor.speed };
+            *speed = if self.is_measured(motor, now) { motor.speed } else { expected * gain };
         }
         speeds
     }
@@ -114,8 +133,7 @@ impl RotorModel {
     fn where_measured(&self, motors: &[Motor], now: f64, is: impl Fn(f64, f64) -> bool) -> u16 {
         let model = self.expected.iter().zip(self.gain.iter());
         motors.iter().zip(model).enumerate().fold(0, |set, (i, (motor, (expected, gain)))| {
-            let fresh = now - motor.heard <= STALE;
-            if fresh && is(motor.speed, expected * gain) { set | 1 << i } else { set }
+            if self.is_measured(motor, now) && is(motor.speed, expected * gain) { set | 1 << i } else { set }
         })
     }
 }

@@ -144,7 +144,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::SetpointInfeasible, "set-point infeasible", "rotors at their limits", (0.5, 0.5), (Note, Hold), "slow the trajectory or tilt less"),
     row(Fault::Overrun, "loop overrun", "a period longer than 10 ms", (0.0, 0.1), (Note, Note), "whole periods are skipped; the measured time enters the laws"),
     row(Fault::OverrunLong, "long loop overrun", "a period longer than 100 ms", (0.0, 1.0), (Note, Hold), "the vehicle's watchdog took the rotors to their lowest speed after 500 ms"),
-    row(Fault::LinkGarbage, "link garbage", "a tenth of the frames refused", (0.2, 0.5), (Refuse, Hold), "check cable, adapter and speed of the line"),
+    row(Fault::LinkGarbage, "link garbage", "a tenth of the frames refused", (0.2, 0.5), (Refuse, Hold), "the model stands in for the motors; check cable, adapter and speed of the line"),
     row(Fault::Reboot, "reboot", "the board announces itself, or its streams begin again", (0.0, 1.0), (Refuse, Land), "rates are asked for and motors started again"),
     row(Fault::LinkLost, "link lost", "the port is gone, or silent for 1 s", (0.0, 1.0), (Refuse, Descend), "nothing reaches the vehicle; its watchdog holds the lowest speed after 500 ms and disarms 10 s later"),
     row(Fault::LogLost, "log lost", "the recorder reports that it can not write", (0.0, 1.0), (Note, Note), "the flight goes on without a log"),

@@ -10,7 +10,7 @@ use crate::sim::Truth;
 /// What is kept at least, s.
 pub(super) const KEPT: f64 = 10.0;
 /// The memory is a chain of logs this long, s; the oldest is dropped whole.
-const SEGMENT: f64 = 2.5;
+const SEGMENT: f64 = 1.0;
 const FINISHED: usize = (KEPT / SEGMENT) as usize;
 
 /// The last seconds of a flight.
