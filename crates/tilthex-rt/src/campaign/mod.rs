@@ -79,6 +79,8 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
     // Legs that lose the last thrust give way a little.
     for _ in 0..SETTLING {
         world.tick(None);
+        judge.watch(&world);
+        see(&world);
     }
     judge.outcome.ended = !judge.flew || (world.flight.finished() && world.simulation.rests());
     judge.outcome.toppled = judge.outcome.ended && !world.simulation.stands();
