@@ -71,10 +71,13 @@ impl Trust {
     }
 
     /// A pose passed; `nis` is its normalised innovation squared over its degrees of freedom, as configured.
+    /// Only refusals lift the noise from what is configured: chance must not.
     pub(super) fn accept(&mut self, time: f64, nis: f64) {
-        let variance = self.noise * self.noise;
-        let toward = variance + NOISE_SHARE * (nis - variance);
-        self.noise = sqrt(toward.max(1.0)).min(MOST_NOISE);
+        if self.noise > 1.0 {
+            let variance = self.noise * self.noise;
+            let toward = variance + NOISE_SHARE * (nis - variance);
+            self.noise = sqrt(toward.max(1.0)).min(MOST_NOISE);
+        }
         (self.accepted, self.in_a_row) = (time, 0);
     }
 
