@@ -152,8 +152,7 @@ COUPLED = np.array([[0.58658909, 0, 0.18920062], [0, 1, 0], [0.18920062, 0, 0.91
 )
 @example(COUPLED, np.diag([10.0, 2, 20]), np.zeros((3, 3)), np.array([-18.0, 0, 12]), [1 / 128] * 5)
 def test_translation_is_the_closed_form_mass_spring_damper(mass, damping, stiffness, force, dts):
-    """Coupled axes, changing periods: the matrix exponential within 1e-6 m, and 2e-5 of the fastest speed."""
-    fastest = max(1.0, float(np.linalg.norm(np.linalg.solve(damping, force))))
+    """Coupled axes, changing periods: within 1e-6 m of the matrix exponential."""
     block_filter = spring((block(mass, 0.1), block(damping, 1.0), block(stiffness, 1.0)))
     home = tilthex.Setpoint([0.3, -0.2, 1.0], np.eye(3))
     inverse = np.linalg.inv(mass)
@@ -166,7 +165,7 @@ def test_translation_is_the_closed_form_mass_spring_damper(mass, damping, stiffn
         found = block_filter.step(home, np.r_[force, 0, 0, 0], dt)
         exact = expm(system * sum(dts[: k + 1])) @ start
         np.testing.assert_allclose(found.position - home.position, exact[:3], rtol=0, atol=1e-6)
-        np.testing.assert_allclose(found.velocity, exact[3:6], rtol=0, atol=2e-5 * fastest)
+        np.testing.assert_allclose(found.velocity, exact[3:6], rtol=0, atol=1e-5)
 
 
 @given(st.floats(0.01, 0.1), st.floats(0.5, 4), st.floats(0, 10), rotations(), torques)

@@ -84,9 +84,9 @@ pub struct AdmittanceOutput {
 }
 
 /// Most sub-steps of one call; beyond them the period is too long for the parameters.
-const MAX_SUB_STEPS: usize = 16;
-/// Sub-step times fastest rate: one Runge-Kutta sub-step errs by at most 2e-5 of the fastest mode.
-const SUB_STEP: f64 = 0.3;
+const MAX_SUB_STEPS: usize = 24;
+/// Sub-step times fastest rate: one Runge-Kutta sub-step errs by at most 3e-6 of the fastest mode.
+const SUB_STEP: f64 = 0.2;
 
 impl AdmittanceFilter {
     /// Checks the parameters.
