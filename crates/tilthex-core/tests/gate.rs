@@ -42,6 +42,18 @@ fn a_stream_that_shakes_is_not_refused_for_long() {
     assert!(passed.count() <= 201);
 }
 
+/// Flipped bits bring back into the range what is no measurement, now and then: never believed.
+#[test]
+fn samples_about_an_interruption_are_not_in_a_row() {
+    let mut gate = gate();
+    gate.step(&[0.0, 0.0], 0);
+    for _ in 0..50 {
+        assert_eq!(gate.step(&[9.0, 0.0], 0), Verdict::Jump);
+        gate.interrupt();
+    }
+    assert_eq!(gate.step(&[0.5, 0.0], 0), Verdict::Pass);
+}
+
 #[test]
 fn a_gap_widens_the_jump() {
     let mut gate = gate();

@@ -11,7 +11,7 @@ use crate::{
     types::{PoseSample, Vector3},
     ukf::{Innovation, Navigation, Ukf},
 };
-use libm::fabs;
+use libm::{fabs, sqrt};
 
 /// Readings past these are no readings, rad/s and m/s^2.
 const GYRO_LIMIT: f64 = 100.0;
@@ -67,17 +67,20 @@ impl Estimator {
             count(&mut self.counts.imu_rejected);
             return;
         }
+        let source_changed =
+            self.samples.newest().is_some_and(|s| s.quality.is_modelled() != quality.is_modelled());
         self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
         if dt > GAP {
             count(&mut self.counts.imu_gaps);
         }
-        self.differentiate(gyro_i, dt);
+        self.differentiate(gyro_i, if source_changed { 0.0 } else { dt });
         if !self.initialized || time <= self.head.time {
             return;
         }
         let (gyro, force, _) = self.samples.interval(self.samples.end() - 1);
+        self.current_kept_bias.pass_mean(quality, &mut self.current);
         self.current = self.current.advance(&gyro, &force, dt.min(1.0));
         self.steps = STEPS_PER_TICK;
         self.work(time, observe);
@@ -203,7 +206,9 @@ impl Estimator {
         let sample = self.samples.get(next).time;
         let (gyro, force, length) = self.samples.interval(next);
         let filter = self.filter_over(next, length);
+        let quality = self.samples.get(next).quality;
         let head = &mut self.head;
+        head.pass_bias(quality);
         let until = if sample <= goal { sample } else { goal };
         let dt = until - head.time;
         if dt > 0.0 {
@@ -221,7 +226,7 @@ impl Estimator {
         match self.samples.get(number).quality {
             Quality::Modelled => self.model_filter,
             Quality::Measured if length <= GAP => self.filter,
-            Quality::Measured | Quality::Shaken => self.gap_filter,
+            Quality::Measured | Quality::Shaken | Quality::ModelledShaken => self.gap_filter,
         }
     }
 
@@ -233,12 +238,14 @@ impl Estimator {
             return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
         };
         let nis = whole.squared(6);
+        // Neither a model nor an impact has much to say against poses.
+        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT);
         let outcome = if self.pass(pose.time, &measured, nis) {
             Outcome::Accepted
-        } else if self.pass_position(pose) {
+        } else if (!doubtful || turn(&whole.residual) > RIGHT_ANGLE) && self.pass_position(pose) {
             Outcome::PositionOnly
         } else {
-            self.contradict(pose.time, &measured, &whole)
+            self.contradict(pose.time, &measured, &whole, doubtful)
         };
         self.stale |= outcome != Outcome::Rejected;
         report(pose.time, outcome, nis, Some(&whole))
@@ -278,10 +285,14 @@ impl Estimator {
 
     /// A pose that did not pass: where those before it did not either, they may be noisier
     /// than configured, or right.
-    fn contradict(&mut self, time: f64, measured: &ImuPose, innovation: &Innovation<6>) -> Outcome {
+    fn contradict(
+        &mut self,
+        time: f64,
+        measured: &ImuPose,
+        innovation: &Innovation<6>,
+        doubtful: bool,
+    ) -> Outcome {
         let noise = (self.params.position_noise, self.params.rotation_noise);
-        // Neither a model nor an impact has much to say against poses.
-        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT);
         let trust = &mut self.head.trust;
         let long = doubtful || time - trust.accepted > self.params.reacquire_after;
         let agreement = trust.refuse(time, &innovation.residual, noise);
@@ -318,8 +329,7 @@ impl Estimator {
             Outcome::PositionOnly => count(&mut counts.position_only),
             _ => count(&mut counts.rejected),
         }
-        let [_, _, _, x, y, z] = report.innovation;
-        if report.outcome != Outcome::Accepted && x * x + y * y + z * z > RIGHT_ANGLE * RIGHT_ANGLE {
+        if report.outcome != Outcome::Accepted && turn(&report.innovation) > RIGHT_ANGLE {
             count(&mut counts.flipped);
         }
         if report.outcome == Outcome::Accepted && pose.time > self.newest_pose {
@@ -332,14 +342,15 @@ impl Estimator {
 
     /// Carries the head's mean on to the newest sample.
     pub(super) fn refresh(&mut self) {
-        let (mut mean, mut time) = (self.head.state.mean, self.head.time);
+        let (mut mean, mut time, mut kept_bias) = (self.head.state.mean, self.head.time, self.head.kept_bias);
         for number in self.head.next_sample..self.samples.end() {
             let (gyro, force, _) = self.samples.interval(number);
-            let end = self.samples.get(number).time;
+            let ImuEntry { time: end, quality, .. } = *self.samples.get(number);
+            kept_bias.pass_mean(quality, &mut mean);
             mean = mean.advance(&gyro, &force, (end - time).clamp(0.0, 1.0));
             time = end;
         }
-        self.current = mean;
+        (self.current, self.current_kept_bias) = (mean, kept_bias);
         self.stale = false;
     }
 
@@ -353,6 +364,11 @@ impl Estimator {
         self.angular_acceleration_i = rate * off;
         self.slow_rate_i += crate::filters::lag_fraction(rate, dt) * off;
     }
+}
+
+/// Angle of an innovation's rotation, rad.
+fn turn([_, _, _, x, y, z]: &[f64; 6]) -> f64 {
+    sqrt(x * x + y * y + z * z)
 }
 
 fn count(counter: &mut u32) {

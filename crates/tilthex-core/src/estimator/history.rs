@@ -1,6 +1,6 @@
 //! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
 
-use super::{Head, Quality, trust::Trust};
+use super::{Head, Quality, kept_bias::KeptBias, trust::Trust};
 use crate::{
     types::{Matrix3, Vector3},
     ukf::PackedState,
@@ -76,13 +76,16 @@ impl ImuHistory {
     }
 
     /// Readings over the interval that ends with sample `number`, the mean of
-    /// its two ends, and its length (s).
+    /// its two ends where they are of one source, and its length (s).
     pub(super) fn interval(&self, number: u64) -> (Vector3, Vector3, f64) {
         let end = self.get(number);
         if number == 0 || number <= self.begin() {
             return (end.gyro, end.force, 0.0);
         }
         let start = self.get(number - 1);
+        if start.quality.is_modelled() != end.quality.is_modelled() {
+            return (end.gyro, end.force, end.time - start.time);
+        }
         (0.5 * (start.gyro + end.gyro), 0.5 * (start.force + end.force), end.time - start.time)
     }
 
@@ -176,6 +179,7 @@ struct Checkpoint {
     next_sample: u64,
     applied: f64,
     trust: Trust,
+    kept_bias: KeptBias,
 }
 
 /// Past states of the filter, oldest first.
@@ -195,6 +199,7 @@ impl Checkpoints {
             next_sample: 0,
             applied: 0.0,
             trust: Trust::since(0.0),
+            kept_bias: KeptBias::NONE,
         };
         Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
     }
@@ -225,6 +230,7 @@ impl Checkpoints {
                 next_sample: head.next_sample,
                 applied: head.applied,
                 trust: head.trust,
+                kept_bias: head.kept_bias,
             };
             self.len += 1;
         }
@@ -246,6 +252,7 @@ impl Checkpoints {
             next_sample: found.next_sample,
             applied: found.applied,
             trust: found.trust,
+            kept_bias: found.kept_bias,
         };
         self.len = before;
         true

@@ -17,6 +17,7 @@ mod fusion;
 mod gate;
 mod health;
 mod history;
+mod kept_bias;
 mod output;
 mod params;
 mod rest;
@@ -32,6 +33,7 @@ use crate::{
     ukf::{InitialDeviation, Navigation, ProcessNoise, Ukf, UkfState},
 };
 use history::{Checkpoints, ImuHistory, PoseQueue};
+use kept_bias::KeptBias;
 use libm::sqrt;
 use params::Derived;
 use rest::RestDetector;
@@ -61,6 +63,15 @@ pub enum Quality {
     /// From a model of the vehicle, in the place of a missing sample. Its rate is no measurement:
     /// poses correct it, as a bias.
     Modelled,
+    /// Likewise, while the readings go off the IMU's range: an impact, of which the model knows little too.
+    ModelledShaken,
+}
+
+impl Quality {
+    /// Whether a model stands in for the IMU.
+    const fn is_modelled(self) -> bool {
+        matches!(self, Self::Modelled | Self::ModelledShaken)
+    }
 }
 
 /// The filter, where it stands.
@@ -73,6 +84,7 @@ struct Head {
     /// Time of the last pose that was considered.
     applied: f64,
     trust: Trust,
+    kept_bias: KeptBias,
 }
 
 /// The estimator: parameters and state, of fixed size.
@@ -87,6 +99,7 @@ pub struct Estimator {
     initialized: bool,
     /// The mean at the newest sample.
     current: Navigation,
+    current_kept_bias: KeptBias,
     /// Whether the head was corrected since `current` was taken from it.
     stale: bool,
     /// Filter steps left until the next sample.
@@ -119,9 +132,17 @@ impl Estimator {
             filter: Ukf::new(params.process)?,
             gap_filter: Ukf::new(GAP_NOISE)?,
             model_filter: Ukf::new(MODEL_NOISE)?,
-            head: Head { state, time: 0.0, next_sample: 0, applied: 0.0, trust: Trust::since(0.0) },
+            head: Head {
+                state,
+                time: 0.0,
+                next_sample: 0,
+                applied: 0.0,
+                trust: Trust::since(0.0),
+                kept_bias: KeptBias::NONE,
+            },
             initialized: false,
             current: Navigation::ORIGIN,
+            current_kept_bias: KeptBias::NONE,
             stale: false,
             steps: STEPS_PER_TICK,
             samples: ImuHistory::EMPTY,
@@ -211,6 +232,7 @@ impl Estimator {
             next_sample: self.samples.first_after(time),
             applied: time,
             trust: Trust::since(time),
+            kept_bias: KeptBias::NONE,
         };
         self.initialized = true;
         self.poses.clear();

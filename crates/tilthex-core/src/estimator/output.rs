@@ -78,17 +78,17 @@ impl Estimator {
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let mut copy = self.head;
-        let mut state = copy.state;
         for number in copy.next_sample..self.samples.end() {
             let (gyro, force, length) = self.samples.interval(number);
-            let end = self.samples.get(number).time;
+            let super::history::ImuEntry { time: end, quality, .. } = *self.samples.get(number);
             let filter = self.filter_over(number, length);
+            copy.pass_bias(quality);
             if end > copy.time {
-                filter.predict(&mut state, &gyro, &force, (end - copy.time).min(1.0));
+                filter.predict(&mut copy.state, &gyro, &force, (end - copy.time).min(1.0));
                 copy.time = end;
             }
         }
-        self.at_centre_of_mass(&state.covariance())
+        self.at_centre_of_mass(&copy.state.covariance())
     }
 
     /// From the IMU to the centre of mass.

@@ -118,14 +118,20 @@ impl ImuStream {
         self.same_frames = if same { self.same_frames.saturating_add(1) } else { 0 };
         let full = |x: &i16| x.unsigned_abs() >= FULL_SCALE;
         self.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
+        if self.saturated {
+            // The gate must not come to believe it: a flipped bit brings it back into the range.
+            (self.shaken, self.leapt) = (true, false);
+            self.gate.interrupt();
+            return;
+        }
         let (f, w) = scales.decode(frame);
         let verdict = self.gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
         // Twice in a row is no flipped bit.
         let leaps = verdict == Verdict::Jump;
-        self.shaken |= self.saturated || (leaps && self.leapt);
+        self.shaken |= leaps && self.leapt;
         self.leapt = leaps;
         self.refused_now |= verdict != Verdict::Pass;
-        if self.frozen() || self.saturated || verdict != Verdict::Pass {
+        if self.frozen() || verdict != Verdict::Pass {
             return;
         }
         self.heard = now;

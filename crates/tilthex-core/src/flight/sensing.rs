@@ -34,7 +34,7 @@ impl Flight {
             // What has just gone off its range is an impact, until it lasts.
             let broken = self.supervisor.active().contains(Fault::ImuSaturated);
             let shaken = self.session.imu().saturated() && !broken;
-            let quality = if shaken { Quality::Shaken } else { Quality::Modelled };
+            let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
         }
         for pose in input.poses.iter().take(MAX_POSES) {

@@ -111,6 +111,11 @@ impl<const N: usize> Gate<N> {
     /// Forgets the last sample, as after a silence.
     pub fn forget(&mut self) {
         self.last = None;
+        self.interrupt();
+    }
+
+    /// A sample came that is no measurement: those around it are not in a row.
+    pub fn interrupt(&mut self) {
         self.candidate = None;
         self.refused_in_a_row = 0;
     }

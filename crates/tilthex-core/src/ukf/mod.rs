@@ -159,6 +159,15 @@ pub struct UkfState {
     recoveries: u32,
 }
 
+/// What is known of the gyro's bias by itself.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GyroBias {
+    /// Its mean, rad/s, IMU coordinates.
+    pub mean_i: Vector3,
+    /// Its deviation along an axis, rad/s.
+    pub deviation: f64,
+}
+
 /// A [`UkfState`] in little more than half its room.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedState {
@@ -232,6 +241,23 @@ impl UkfState {
     #[must_use]
     pub fn deviations(&self) -> [f64; 3] {
         [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
+    }
+
+    /// The gyro's bias.
+    #[must_use]
+    pub fn gyro_bias(&self) -> GyroBias {
+        let deviation = libm::sqrt(self.trace(GYRO_BIAS) / 3.0);
+        GyroBias { mean_i: self.mean.gyro_bias_i, deviation }
+    }
+
+    /// Takes what is known of the gyro's bias from elsewhere: independent of all else in the state.
+    pub fn set_gyro_bias(&mut self, bias: &GyroBias) {
+        self.mean.gyro_bias_i = bias.mean_i;
+        for j in GYRO_BIAS..GYRO_BIAS + 3 {
+            // It comes first, so its columns are all its correlations.
+            self.covariance.0[j] = [0.0; LANES];
+            self.covariance.0[j][j] = bias.deviation * bias.deviation;
+        }
     }
 
     /// Takes a pose for its own, with independent errors of the given

@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 
 use crate::{
     Failure,
+    campaign::Kind,
     config::{Config, VehicleSection},
     control_socket::DEFAULT_ADDRESS,
     realtime::Demand,
@@ -92,6 +93,9 @@ pub(super) enum Action {
         /// The seed of the first; each flight has the next one
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Only faults of these kinds [default: all]
+        #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
+        faults: Vec<Kind>,
     },
 }
 

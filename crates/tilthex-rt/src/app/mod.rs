@@ -8,7 +8,8 @@ mod status;
 pub use args::Args;
 
 use crate::{
-    Failure, campaign,
+    Failure,
+    campaign::{self, Kind},
     config::Config,
     doctor::{self, Verdict},
     failure, replay,
@@ -56,14 +57,18 @@ pub fn run() -> Result<(), Failure> {
                 ))),
             }
         }
-        Some(Action::Campaign { number, seed }) => fly_campaign(&args.config()?, *number, *seed),
+        Some(Action::Campaign { number, seed, faults }) => {
+            let every = Kind::ALL.map(|(kind, _)| kind);
+            let kinds = if faults.is_empty() { &every[..] } else { faults };
+            fly_campaign(&args.config()?, kinds, *number, *seed)
+        }
     }
 }
 
 /// Many faulty flights and their table; of a single one, its story.
-fn fly_campaign(config: &Config, number: u64, seed: u64) -> Result<(), Failure> {
+fn fly_campaign(config: &Config, kinds: &[Kind], number: u64, seed: u64) -> Result<(), Failure> {
     if number == 1 {
-        let (outcome, story) = campaign::again(config, seed)?;
+        let (outcome, story) = campaign::again(config, kinds, seed)?;
         for injection in &outcome.injections {
             println!("{}: {injection:?}", injection.kind.text());
         }
@@ -76,7 +81,7 @@ fn fly_campaign(config: &Config, number: u64, seed: u64) -> Result<(), Failure> 
         println!("worst error {:.3} m, touch-down {:.2} m/s, {end}", outcome.deviation, outcome.impact);
         return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
     }
-    let summary = campaign::run(config, number, seed)?;
+    let summary = campaign::run(config, kinds, number, seed)?;
     print!("{}", summary.table());
     let failures = summary.failures();
     for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {

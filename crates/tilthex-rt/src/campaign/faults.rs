@@ -11,7 +11,7 @@ use tilthex_core::{
 use crate::sim::Simulation;
 
 /// A kind of fault.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, clap::ValueEnum)]
 #[allow(missing_docs)] // each is described by its text
 pub enum Kind {
     BitFlips,
@@ -111,11 +111,10 @@ pub struct Injection {
 }
 
 impl Injection {
-    /// A random fault that begins within `window` seconds.
-    pub fn random(random: &mut Random, window: f64) -> Self {
-        let (kind, _) = Kind::ALL[(random.bits() % Kind::ALL.len() as u64) as usize];
+    /// A random fault of one of some kinds, at least one, that begins within `window` seconds.
+    pub fn random(random: &mut Random, kinds: &[Kind], window: f64) -> Self {
         Self {
-            kind,
+            kind: kinds[(random.bits() % kinds.len() as u64) as usize],
             begin: window * random.uniform(),
             duration: 0.02 + 3.0 * random.uniform() * random.uniform(),
             strength: random.uniform(),

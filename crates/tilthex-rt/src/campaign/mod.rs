@@ -110,11 +110,11 @@ fn ground(params: FlightParams, seed: u64) -> Result<World, Failure> {
     Ok(World::new(Simulation::new(simulated), flight, seed))
 }
 
-/// Flies `count` flights with the seeds from `first` on, on every processor.
+/// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor.
 ///
 /// # Errors
 /// Where the set-up can not fly even without faults.
-pub fn run(config: &Config, count: u64, first: u64) -> Result<Summary, Failure> {
+pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Summary, Failure> {
     let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
     let hovering = hover(params)?;
     let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
@@ -124,7 +124,7 @@ pub fn run(config: &Config, count: u64, first: u64) -> Result<Summary, Failure> 
             if seed >= first + count {
                 return;
             }
-            let outcome = one(params, &hovering, seed, &mut |_| ());
+            let outcome = one(params, &hovering, kinds, seed, &mut |_| ());
             summary.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &outcome);
         }
     };
@@ -141,20 +141,26 @@ pub fn run(config: &Config, count: u64, first: u64) -> Result<Summary, Failure> 
 ///
 /// # Errors
 /// Where the set-up can not fly even without faults.
-pub fn again(config: &Config, seed: u64) -> Result<(Outcome, String), Failure> {
+pub fn again(config: &Config, kinds: &[Kind], seed: u64) -> Result<(Outcome, String), Failure> {
     let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
     let mut story = Story::default();
-    let outcome = one(params, &hover(params)?, seed, &mut |world| story.see(world));
+    let outcome = one(params, &hover(params)?, kinds, seed, &mut |world| story.see(world));
     Ok((outcome, story.text()))
 }
 
 /// The flight of one seed.
-fn one(params: FlightParams, hovering: &World, seed: u64, see: &mut dyn FnMut(&World)) -> Outcome {
+fn one(
+    params: FlightParams,
+    hovering: &World,
+    kinds: &[Kind],
+    seed: u64,
+    see: &mut dyn FnMut(&World),
+) -> Outcome {
     let mut random = Random::new(seed);
     let whole = seed.is_multiple_of(WHOLE_EVERY);
     let window = if whole { WHOLE_WINDOW } else { WINDOW };
     let count = 1 + (random.uniform() < 0.2) as usize;
-    let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, window)).collect();
+    let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, kinds, window)).collect();
     let flown = catch_unwind(AssertUnwindSafe(|| {
         let world = if whole { ground(params, seed).ok()? } else { hovering.clone() };
         Some(fly_seen(world, injections.clone(), seed, see))

@@ -1,0 +1,47 @@
+//! The gyro's bias while a model stands in for the gyro.
+//!
+//! What the filter then carries in the bias's place is the error of the model's rate, which poses
+//! correct. It says nothing of the gyro: once that is heard again, its own bias counts.
+
+use super::{Head, Quality};
+use crate::{
+    types::Vector3,
+    ukf::{GyroBias, Navigation},
+};
+
+/// The gyro's bias, where it is not the state's: mean and deviation. Single precision: every checkpoint keeps one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct KeptBias(Option<[f32; 4]>);
+
+impl KeptBias {
+    pub(super) const NONE: Self = Self(None);
+
+    /// Before a sample is applied: keeps the bias that was, or hands back the one that is again.
+    fn pass(&mut self, quality: Quality, now: impl FnOnce() -> GyroBias) -> Option<GyroBias> {
+        if quality.is_modelled() {
+            self.0.get_or_insert_with(|| {
+                let GyroBias { mean_i, deviation } = now();
+                [mean_i.x, mean_i.y, mean_i.z, deviation].map(|x| x as f32)
+            });
+            return None;
+        }
+        let [x, y, z, deviation] = self.0.take()?.map(f64::from);
+        Some(GyroBias { mean_i: Vector3::new(x, y, z), deviation })
+    }
+
+    /// [`pass`](Self::pass) with a mean alone.
+    pub(super) fn pass_mean(&mut self, quality: Quality, mean: &mut Navigation) {
+        if let Some(bias) = self.pass(quality, || GyroBias { mean_i: mean.gyro_bias_i, deviation: 0.0 }) {
+            mean.gyro_bias_i = bias.mean_i;
+        }
+    }
+}
+
+impl Head {
+    /// What becomes of the filter's bias with the next sample.
+    pub(super) fn pass_bias(&mut self, quality: Quality) {
+        if let Some(bias) = self.kept_bias.pass(quality, || self.state.gyro_bias()) {
+            self.state.set_gyro_bias(&bias);
+        }
+    }
+}
