@@ -278,7 +278,7 @@ fn an_unfelt_blow_is_found_in_the_poses() {
     });
 }
 
-/// A recording whose gyro a model replaces from `from` to `to`, wrong by `error` rad/s.
+/// A recording whose gyro a model replaces from `from` to `to`, at first wrong by `error` rad/s.
 fn run_modelled(
     recording: &Recording,
     (from, to): (f64, f64),
@@ -291,8 +291,10 @@ fn run_modelled(
     let mut waiting = poses.iter().peekable();
     for (k, (t, gyro, force)) in recording.imu.iter().enumerate() {
         if (from..to).contains(t) {
-            // As a flight does: the rate of the model on top of what is thought of the bias.
-            let rate = recording.truth[k].angular_velocity_r + error;
+            // As a flight does: the rate goes on from the estimate, on top of what is thought of the bias.
+            let gained = recording.truth[k].angular_velocity_r - recording.truth[k - 1].angular_velocity_r;
+            let error = if estimator.is_modelled() { Vector3::zeros() } else { error };
+            let rate = estimator.robot_state().angular_velocity_r + gained + error;
             estimator.predict_as(Quality::Modelled, *t, &(rate + estimator.gyro_bias()), force);
         } else {
             estimator.predict(*t, gyro, force);
@@ -318,6 +320,28 @@ fn a_model_does_not_touch_the_bias_of_the_gyro() {
     // Nor does its covariance forget what was known.
     let deviation = |e: &Estimator| e.covariance().fixed_view::<3, 3>(9, 9).trace().sqrt();
     assert!(deviation(&again) < 1.5 * deviation(&heard) && deviation(&modelled) > 10.0 * deviation(&heard));
+}
+
+/// A model that is suddenly wrong by several rad/s, as after a blow that nothing felt: poses find the turn and its rate.
+#[test]
+fn poses_find_the_rate_that_a_model_does_not_know() {
+    let recording = recording(14, 3.5);
+    let blow = Vector3::new(0.0, 0.0, 6.0);
+    let spun: Vec<_> = recording
+        .poses
+        .iter()
+        .map(|p| {
+            let turn = so3::exp(&(blow * (p.time - 3.0).max(0.0)));
+            PoseSample { rotation_wr: turn * p.rotation_wr, ..*p }
+        })
+        .collect();
+    let found = run_modelled(&recording, (2.9, 9.0), Vector3::zeros(), &spun).robot_state();
+    let (truth, (end, ..)) = (recording.truth.last().unwrap(), *recording.imu.last().unwrap());
+    let rotation_wr = so3::exp(&(blow * (end - 3.0))) * truth.rotation_wr;
+    let rate_r = truth.angular_velocity_r + rotation_wr.transpose() * blow;
+    let turn = so3::angle(&(found.rotation_wr * rotation_wr.transpose()));
+    assert!(turn < 0.1, "{turn} rad");
+    assert!((found.angular_velocity_r - rate_r).norm() < 1.0, "{} {rate_r}", found.angular_velocity_r);
 }
 
 /// A gyro has a say against turned poses; a model that turned the wrong way has not.

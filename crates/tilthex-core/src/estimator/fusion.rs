@@ -67,8 +67,7 @@ impl Estimator {
             count(&mut self.counts.imu_rejected);
             return;
         }
-        let source_changed =
-            self.samples.newest().is_some_and(|s| s.quality.is_modelled() != quality.is_modelled());
+        let source_changed = self.is_modelled() != quality.is_modelled();
         self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
@@ -295,7 +294,8 @@ impl Estimator {
         let noise = (self.params.position_noise, self.params.rotation_noise);
         let trust = &mut self.head.trust;
         let long = doubtful || time - trust.accepted > self.params.reacquire_after;
-        let agreement = trust.refuse(time, &innovation.residual, noise);
+        let modelled = self.head.kept_bias.is_some();
+        let agreement = trust.refuse(time, &innovation.residual, noise, modelled);
         let Some(agreement) = agreement.filter(Agreement::is_credible) else { return Outcome::Rejected };
         if agreement.noise > trust.noise {
             trust.noise = agreement.noise;
@@ -311,6 +311,8 @@ impl Estimator {
             position_w: before.position_w + agreement.position,
             velocity_w: before.velocity_w + agreement.velocity,
             rotation_wi: so3::exp(&agreement.rotation) * before.rotation_wi,
+            // Where a model stands in, it is the model's rate that is off.
+            gyro_bias_i: before.gyro_bias_i - before.rotation_wi.transpose() * agreement.rate,
             ..before
         };
         self.head.state.restart(mean, &agreement.deviation);

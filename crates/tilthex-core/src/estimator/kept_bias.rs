@@ -16,6 +16,11 @@ pub(super) struct KeptBias(Option<[f32; 4]>);
 impl KeptBias {
     pub(super) const NONE: Self = Self(None);
 
+    /// Whether a model stands in.
+    pub(super) fn is_some(&self) -> bool {
+        self.0.is_some()
+    }
+
     /// Before a sample is applied: keeps the bias that was, or hands back the one that is again.
     fn pass(&mut self, quality: Quality, now: impl FnOnce() -> GyroBias) -> Option<GyroBias> {
         if quality.is_modelled() {

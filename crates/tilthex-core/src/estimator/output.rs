@@ -40,6 +40,12 @@ impl Estimator {
         }
     }
 
+    /// Whether the newest sample comes from a model.
+    #[must_use]
+    pub fn is_modelled(&self) -> bool {
+        self.samples.newest().is_some_and(|s| s.quality.is_modelled())
+    }
+
     /// Rate at the newest sample without its bias.
     fn rate_i(&self) -> Vector3 {
         self.samples.newest().map_or(Vector3::zeros(), |s| s.gyro - self.current.gyro_bias_i)

@@ -19,6 +19,9 @@ const REACQUIRED: InitialDeviation = InitialDeviation {
     accelerometer_bias: 0.2,
 };
 
+/// Deviation of a modelled rate after poses have been believed against it, at the least, rad/s.
+const MODELLED_RATE: f64 = 0.3;
+
 /// A refused pose: when it was taken, and what it says beyond the state (position m, rotation rad; W).
 /// Single precision: every checkpoint keeps some.
 #[derive(Clone, Copy, Debug)]
@@ -57,6 +60,8 @@ pub(super) struct Agreement {
     pub(super) position: Vector3,
     pub(super) velocity: Vector3,
     pub(super) rotation: Vector3,
+    /// How fast that rotation grows, rad/s; W: nothing where a gyro tells the rate.
+    pub(super) rate: Vector3,
     /// Their noise by what is configured, from 1 on.
     pub(super) noise: f64,
     /// What is known of the state once it has been moved by that.
@@ -82,11 +87,13 @@ impl Trust {
     }
 
     /// A pose did not pass: what it says beyond the state. What it and those before it say together, where they are enough.
+    /// Of the rate they tell something where it is `modelled`.
     pub(super) fn refuse(
         &mut self,
         time: f64,
         innovation: &[f64; 6],
-        (position_noise, rotation_noise): (f64, f64),
+        noise: (f64, f64),
+        modelled: bool,
     ) -> Option<Agreement> {
         let [x, y, z, a, b, c] = innovation.map(|entry| entry as f32);
         let newest = Refused { time, position: [x, y, z], rotation: [a, b, c] };
@@ -95,37 +102,51 @@ impl Trust {
             *slot = newest;
         }
         self.in_a_row = self.in_a_row.saturating_add(1);
-        (self.in_a_row as usize >= REFUSALS).then(|| self.agreement(time, position_noise, rotation_noise))
+        (self.in_a_row as usize >= REFUSALS).then(|| self.agreement(time, noise, modelled))
     }
 
-    fn agreement(&self, newest: f64, position_noise: f64, rotation_noise: f64) -> Agreement {
+    fn agreement(
+        &self,
+        newest: f64,
+        (position_noise, rotation_noise): (f64, f64),
+        modelled: bool,
+    ) -> Agreement {
         let n = REFUSALS as f64;
         let mean = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.position()) / n;
         let rotation = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.rotation()) / n;
         let middle = self.refused.iter().map(|r| r.time).sum::<f64>() / n;
-        let (mut spread, mut moment) = (1e-9, Vector3::zeros());
+        let (mut spread, mut moment, mut turning) = (1e-9, Vector3::zeros(), Vector3::zeros());
         for r in &self.refused {
             spread += (r.time - middle) * (r.time - middle);
             moment += (r.position() - mean) * (r.time - middle);
+            turning += (r.rotation() - rotation) * (r.time - middle);
         }
         let velocity = moment / spread;
+        let rate = if modelled { turning / spread } else { Vector3::zeros() };
         let off = |r: &Refused| r.position() - mean - velocity * (r.time - middle);
+        let turned = |r: &Refused| r.rotation() - rotation - rate * (r.time - middle);
         let squares = self.refused.iter().map(|r| off(r).norm_squared()).sum::<f64>();
-        let turns = self.refused.iter().map(|r| (r.rotation() - rotation).norm_squared()).sum::<f64>();
+        let turns = self.refused.iter().map(|r| turned(r).norm_squared()).sum::<f64>();
         // Three axes, less the two ends of a line, or a mean.
         let position_scatter = sqrt(squares / (3.0 * (n - 2.0)));
-        let rotation_scatter = sqrt(turns / (3.0 * (n - 1.0)));
+        let rotation_scatter = sqrt(turns / (3.0 * (n - if modelled { 2.0 } else { 1.0 })));
         let noise = (position_scatter / position_noise).max(rotation_scatter / rotation_noise).max(1.0);
         let least = REACQUIRED;
         Agreement {
             position: mean + velocity * (newest - middle),
             velocity,
-            rotation,
+            rotation: rotation + rate * (newest - middle),
+            rate,
             noise,
             deviation: InitialDeviation {
                 position: least.position.max(2.0 * position_scatter),
                 velocity: least.velocity.max(position_scatter / sqrt(spread)),
                 rotation: least.rotation.max(rotation_scatter),
+                gyro_bias: if modelled {
+                    MODELLED_RATE.max(rotation_scatter / sqrt(spread))
+                } else {
+                    least.gyro_bias
+                },
                 ..least
             },
         }

@@ -50,7 +50,7 @@ impl Flight {
                     );
                     self.output = Some(output);
                     // Without its attitude, thrust only carries it away.
-                    if self.adrift && self.supervisor.active().contains(Fault::Tilt) {
+                    if self.attitude_lost() {
                         self.command = self.min_speeds;
                     }
                 } else {
@@ -64,6 +64,15 @@ impl Flight {
                 }
             }
         }
+    }
+
+    /// Whether there is no getting the attitude back: turned over, or in a spin past the gyro's range,
+    /// without what it takes to know it or to hold it.
+    fn attitude_lost(&self) -> bool {
+        let active = self.supervisor.active();
+        let unfelt = active.contains(Fault::ImuSilent);
+        active.contains(Fault::Tilt) && (self.adrift || unfelt)
+            || active.contains(Fault::ImuSaturated) && self.adrift && unfelt
     }
 
     /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs. Bits alone do

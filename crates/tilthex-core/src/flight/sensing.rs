@@ -20,6 +20,7 @@ impl Flight {
     /// Feeds the estimator; where inertial samples are missing in flight, from the model.
     pub(super) fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
         let samples = self.session.imu().samples();
+        let modelled = self.estimator.is_modelled();
         for s in samples {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
@@ -36,6 +37,10 @@ impl Flight {
             let shaken = self.session.imu().saturated() && !broken;
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
+        }
+        // From one source to the other rates leap, which is no motion.
+        if self.estimator.is_modelled() != modelled {
+            self.control.observer.forget_sample();
         }
         for pose in input.poses.iter().take(MAX_POSES) {
             if self.estimator.is_initialized() {

@@ -8,8 +8,8 @@ use prost::{Message, Name};
 
 use super::messages::DESCRIPTORS;
 
-/// Largest chunk before it is written, bytes.
-const CHUNK: u64 = 512 * 1024;
+/// Largest chunk before it is written, bytes: as far back as LZ4 looks for what it has seen.
+const CHUNK: u64 = 64 * 1024;
 
 /// A channel of a [`LogWriter`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
