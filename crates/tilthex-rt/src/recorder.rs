@@ -39,6 +39,23 @@ pub struct Feed {
 }
 
 impl Feed {
+    /// A ring by itself, and its far end.
+    #[must_use]
+    pub fn ring() -> (Self, Consumer<Tick>) {
+        Self::of(Arc::default())
+    }
+
+    fn of(shared: Arc<Shared>) -> (Self, Consumer<Tick>) {
+        let (ring, ticks) = RingBuffer::new(RING);
+        (Self { ring, shared }, ticks)
+    }
+
+    /// Ticks that did not fit so far.
+    #[must_use]
+    pub fn dropped(&self) -> u64 {
+        self.shared.dropped.load(Ordering::Relaxed)
+    }
+
     /// Hands a tick over, or counts it as dropped where the ring is full.
     /// Wait-free; safe in the loop.
     pub fn push(&mut self, tick: &Tick) {
@@ -174,11 +191,11 @@ impl Recorder {
                 )
             }
         };
-        let (ring, ticks) = RingBuffer::new(RING);
         let (truth_feed, truths) = RingBuffer::new(TRUTH_RING);
         let (sender, notes) = mpsc::channel();
         let shared = Arc::new(Shared::default());
         lock(&shared.latest).rotor_count = params.rotor_count;
+        let (feed, ticks) = Feed::of(Arc::clone(&shared));
         let worker = Worker {
             black_box: BlackBox::new(epoch, params.rotor_count, params.attachments.clone()),
             params,
@@ -194,7 +211,6 @@ impl Recorder {
             .stack_size(512 * 1024)
             .spawn(move || worker.run())
             .map_err(|e| Failure::usage(format!("the recorder's thread can not be started: {e}")))?;
-        let feed = Feed { ring, shared: Arc::clone(&shared) };
         Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
     }
 

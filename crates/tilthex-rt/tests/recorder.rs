@@ -1,9 +1,14 @@
 //! The recorder keeps what it is given, counts what it must drop, and never stops a flight.
 
-use std::{fs, path::Path};
+use std::{
+    fs::{self, File},
+    io::Read,
+    path::Path,
+};
 
 use mcap::MessageStream;
 use prost::Message;
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 use tilthex_core::{
     flight::Record,
     supervisor::{Fault, FaultSet, Phase},
@@ -51,6 +56,36 @@ fn every_tick_is_either_written_in_order_or_counted_as_dropped() {
     assert!(written.is_sorted());
     assert_eq!(recorded.latest.error, None);
     assert_eq!(recorded.black_box, None, "no fault, no report");
+}
+
+/// A pipe that nobody reads is a disk that stands still: the loop's end goes on all the same.
+#[test]
+fn a_disk_that_stands_still_costs_ticks_and_never_the_loop() {
+    let directory = tempfile::tempdir().expect("a directory");
+    let path = directory.path().join("pipe.mcap");
+    mknodat(CWD, &path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).expect("a pipe");
+    // Open both ways, the writer does not wait for a reader.
+    let mut pipe = File::options().read(true).write(true).open(&path).expect("opens");
+    let (recorder, mut feed, _truth) = Recorder::start(params(directory.path(), &path)).expect("starts");
+    for number in 0..5000 {
+        feed.push(&tick(number));
+        if number.is_multiple_of(50) {
+            std::thread::sleep(std::time::Duration::from_millis(1));
+        }
+    }
+    let dropped = feed.dropped();
+    assert!(dropped > 3000, "a pipe and the ring hold few ticks: {dropped} dropped");
+    let end = std::thread::spawn(move || recorder.finish());
+    let (mut log, mut some) = (Vec::new(), [0; 1 << 16]);
+    while log.len() <= mcap::MAGIC.len() || !log.ends_with(mcap::MAGIC) {
+        let count = pipe.read(&mut some).expect("reads");
+        log.extend_from_slice(&some[..count]);
+    }
+    let recorded = end.join().expect("ends");
+    let copy = directory.path().join("log.mcap");
+    fs::write(&copy, &log).expect("writes");
+    assert_eq!(ticks(&copy).len() as u64 + dropped, 5000, "what was not dropped is written in the end");
+    assert_eq!((recorded.latest.error, recorded.latest.dropped), (None, dropped));
 }
 
 #[test]

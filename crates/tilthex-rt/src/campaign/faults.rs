@@ -38,13 +38,14 @@ pub enum Kind {
     Reboot,
     Unplugged,
     DiskFull,
+    DiskSlow,
     Stopped,
     CommandsLost,
 }
 
 impl Kind {
     /// Every kind, with what it does.
-    pub const ALL: [(Self, &str); 26] = [
+    pub const ALL: [(Self, &str); 27] = [
         (Self::BitFlips, "a bit of a byte in 20 to 2000 flipped, both ways"),
         (Self::FramesLost, "5 to 100 % of the vehicle's frames lost"),
         (Self::FramesDuplicated, "5 to 100 % of the vehicle's frames twice"),
@@ -69,6 +70,7 @@ impl Kind {
         (Self::Reboot, "the flight board restarts"),
         (Self::Unplugged, "the port goes away"),
         (Self::DiskFull, "the log can not be written"),
+        (Self::DiskSlow, "the log's disk stands still"),
         (Self::Stopped, "the program is stopped for 5 to 500 ms"),
         (Self::CommandsLost, "no command reaches the vehicle"),
     ];

@@ -99,6 +99,9 @@ impl Judge {
         if self.receiver.counters().refused() > 0 || self.receiver.counters().frames.stray_bytes > 0 {
             self.fail(world, "sent bytes that are no message");
         }
+        if let Some(fault) = world.log_fault() {
+            self.fail(world, fault);
+        }
         let worst = record.faults.rows().map(|row| row.in_flight).max().unwrap_or(Reaction::Note);
         let ever = |reaction| {
             TABLE.iter().any(|row| self.outcome.seen.contains(row.fault) && row.in_flight >= reaction)

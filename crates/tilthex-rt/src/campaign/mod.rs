@@ -4,6 +4,7 @@
 //! A flight fails on a panic, on a byte that should not have been sent, on a
 //! reaction that the table of faults does not list, and on a fly-away.
 
+mod disk;
 pub mod faults;
 mod judge;
 mod story;
@@ -118,7 +119,7 @@ pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Su
     let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
     let hovering = hover(params)?;
     let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
-    let worker = || {
+    let worker = |hovering: World| {
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
             if seed >= first + count {
@@ -131,7 +132,8 @@ pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Su
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     std::thread::scope(|scope| {
         for _ in 0..threads {
-            scope.spawn(worker);
+            let hovering = hovering.clone();
+            scope.spawn(|| worker(hovering));
         }
     });
     Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))

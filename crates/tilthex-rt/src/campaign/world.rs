@@ -9,7 +9,10 @@ use tilthex_core::{
     types::PoseSample,
 };
 
-use super::faults::{Injection, Kind};
+use super::{
+    disk::Disk,
+    faults::{Injection, Kind},
+};
 use crate::sim::{STEP, Simulation};
 
 /// Cycles of the board in a period of the loop.
@@ -42,6 +45,7 @@ pub struct World {
     random: Random,
     ticks: u64,
     stopped: u64,
+    disk: Disk,
 }
 
 impl World {
@@ -61,6 +65,7 @@ impl World {
             random: Random::new(seed),
             ticks: 0,
             stopped: 0,
+            disk: Disk::default(),
         }
     }
 
@@ -85,6 +90,16 @@ impl World {
     #[must_use]
     pub fn sent(&self) -> &[u8] {
         self.out.bytes()
+    }
+
+    /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
+    pub(super) fn log_fault(&self) -> Option<&'static str> {
+        let may_drop = self.injections.iter().any(|i| i.kind == Kind::DiskSlow);
+        match (self.disk.accounts_for_all(), self.disk.dropped()) {
+            (false, _) => Some("the log lost a tick that was not counted"),
+            (_, 1..) if !may_drop => Some("the log dropped a tick though the disk took them"),
+            _ => None,
+        }
     }
 
     /// The record of the last tick.
@@ -171,6 +186,7 @@ impl World {
         let input =
             TickInput { time, bytes: &self.to_host[..count], poses: &poses, command, host: self.host };
         self.flight.tick(&input, &mut self.out);
+        self.disk.record(&self.out.record, self.is_active(Kind::DiskSlow));
         self.to_host.drain(..count);
         let mut command = self.out.bytes().to_vec();
         for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
