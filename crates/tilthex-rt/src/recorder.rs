@@ -17,7 +17,7 @@ use rtrb::{Consumer, Producer, RingBuffer};
 
 use crate::{
     Failure,
-    log::{Attachments, BlackBox, Epoch, FlightLog, Tick},
+    log::{Attachments, BlackBox, Epoch, FlightLog, Index, Tick},
     sim::Truth,
     summary::Statistics,
 };
@@ -186,7 +186,7 @@ impl Recorder {
                 };
                 let file = File::create(path).map_err(|e| refuse(&e))?;
                 Some(
-                    FlightLog::new(file, epoch, params.rotor_count, &params.attachments)
+                    FlightLog::new(file, Index::Written, epoch, params.rotor_count, &params.attachments)
                         .map_err(|e| refuse(&root(&e)))?,
                 )
             }

@@ -6,7 +6,7 @@ use tilthex_core::{flight::Flight, supervisor::Phase};
 use tilthex_rt::{
     campaign::{Injection, Kind, World},
     config::Config,
-    log::{Attachments, Epoch, FlightLog, LogReader, Tick, Timing},
+    log::{Attachments, Epoch, FlightLog, Index, LogReader, Tick, Timing},
     orders::{self, Orders},
     replay,
     sim::{Simulation, SimulationParams},
@@ -42,7 +42,7 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     );
     let attachments =
         Attachments { config: attached(&config), trajectory: Some(TRAJECTORY.into()), take_off: true };
-    let mut log = FlightLog::new(Vec::new(), Epoch::now(), 6, &attachments).expect("begins");
+    let mut log = FlightLog::new(Vec::new(), Index::Written, Epoch::now(), 6, &attachments).expect("begins");
     let mut orders = Orders::new(config.mission.limits(), params.controller.admittance);
     let mut pending = ORDERS.iter().peekable();
     let mut phases = Vec::new();

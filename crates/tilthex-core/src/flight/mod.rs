@@ -273,10 +273,17 @@ impl Flight {
             take_off: self.take_off,
             kill: self.kill,
         };
+        let tracked = !self.supervisor.active().contains(Fault::TrackingError);
         let phase = self.supervisor.step(conditions, &facts, dt);
         self.lose_rotors(stopped);
         if phase != before {
             self.change(before, phase);
+        } else if phase == Phase::Landing
+            && tracked
+            && self.supervisor.active().contains(Fault::TrackingError)
+        {
+            // What could not be followed is not flown back to.
+            self.land_from(&self.actual_tool());
         }
         let waiting = self.guidance.ready() && phase == Phase::Flying;
         if let Some(route) = self.route.take_if(|_| waiting) {
@@ -286,26 +293,15 @@ impl Flight {
 
     /// What a change of phase begins.
     fn change(&mut self, before: Phase, phase: Phase) {
-        let tool = *self.params.vehicle.tool();
-        let robot = self.estimator.robot_state();
         match phase {
             Phase::Starting | Phase::Grounded => self.ramp = 0.0,
             Phase::Flying if before == Phase::Grounded => {
                 self.control = ControllerState::default();
-                self.guidance.begin_take_off(&robot, &tool);
+                self.guidance.begin_take_off(&self.estimator.robot_state(), self.params.vehicle.tool());
             }
             Phase::Landing => {
                 // From the reference where there is one, so that nothing jumps.
-                let from = self.output.map_or_else(
-                    || {
-                        let p = robot.position_w + robot.rotation_wr * tool.position_r;
-                        Setpoint::hold(p, robot.rotation_wr * tool.rotation_r)
-                    },
-                    |o| o.reference,
-                );
-                self.guidance.begin_landing(&from, &tool);
-                let rest = Setpoint::hold(from.position_w, from.rotation_we);
-                self.control.admittance = AdmittanceState::at(&from, &rest);
+                self.land_from(&self.output.map_or_else(|| self.actual_tool(), |o| o.reference));
             }
             Phase::Emergency => self.control.admittance = AdmittanceState::default(),
             Phase::Disarmed => {
@@ -314,6 +310,25 @@ impl Flight {
             }
             Phase::Flying | Phase::Holding => {}
         }
+    }
+
+    /// Where the tool is, and how it moves.
+    fn actual_tool(&self) -> Setpoint {
+        let (tool, robot) = (self.params.vehicle.tool(), self.estimator.robot_state());
+        let lever_w = robot.rotation_wr * tool.position_r;
+        let angular_velocity_w = robot.rotation_wr * robot.angular_velocity_r;
+        Setpoint {
+            velocity_w: robot.velocity_w + angular_velocity_w.cross(&lever_w),
+            angular_velocity_w,
+            ..Setpoint::hold(robot.position_w + lever_w, robot.rotation_wr * tool.rotation_r)
+        }
+    }
+
+    /// Straight down from a pose; what it moves is brought to rest by the admittance filter.
+    fn land_from(&mut self, from: &Setpoint) {
+        self.guidance.begin_landing(from, self.params.vehicle.tool());
+        let rest = Setpoint::hold(from.position_w, from.rotation_we);
+        self.control.admittance = AdmittanceState::at(from, &rest);
     }
 
     /// Whether the ground carries the vehicle, by the last tick's forces.

@@ -10,8 +10,10 @@ use crate::{
 };
 use libm::fabs;
 
-/// Measurements older than this are replaced by the model, s.
+/// Measurements older than this are a fault, s.
 pub(super) const STALE: f64 = 0.1;
+/// Those older than this, about a rotor's time constant, are replaced by the model: they tell less than it does, s.
+const FRESH: f64 = 0.03;
 /// A motor this far from the model does not follow, Hz.
 const WRONG_SPEED: f64 = 12.0;
 /// Slower than this part of the model, where that is fast enough to tell (Hz), a motor has stopped.
@@ -77,7 +79,7 @@ impl RotorModel {
     }
 
     fn is_measured(&self, motor: &Motor, now: f64) -> bool {
-        !self.garbled && now - motor.heard <= STALE
+        !self.garbled && now - motor.heard <= FRESH
     }
 
     /// Learns by how much motors turn too slowly, from a fault of theirs on.
@@ -88,7 +90,7 @@ impl RotorModel {
             return;
         }
         for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
-            if now - motor.heard <= STALE && fabs(*expected) > fast {
+            if now - motor.heard <= FRESH && fabs(*expected) > fast {
                 *gain += (motor.speed / expected - *gain) * lag_fraction(rate, dt);
                 *gain = gain.max(least).min(1.0);
             }
@@ -101,7 +103,7 @@ impl RotorModel {
         wanted.component_div(&self.gain)
     }
 
-    /// Measured speeds, Hz, with the model in the place of stale ones.
+    /// Measured speeds, Hz, with the model in the place of old ones.
     #[must_use]
     pub(super) fn speeds(&self, motors: &[Motor], now: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();

@@ -4,13 +4,16 @@ use std::{fs::File, io::BufWriter, path::Path};
 
 use mcap::{McapError, MessageStream, WriteOptions};
 
-use super::flight_log::{Attachments, CONFIG, Epoch, FlightLog, Tick};
+use super::{
+    flight_log::{Attachments, CONFIG, Epoch, FlightLog, Tick},
+    writer::Index,
+};
 use crate::sim::Truth;
 
 /// What is kept at least, s.
 pub(super) const KEPT: f64 = 10.0;
 /// The memory is a chain of logs this long, s; the oldest is dropped whole.
-const SEGMENT: f64 = 1.0;
+const SEGMENT: f64 = 0.5;
 const FINISHED: usize = (KEPT / SEGMENT) as usize;
 
 /// The last seconds of a flight.
@@ -34,7 +37,11 @@ impl BlackBox {
             self.close()?;
         }
         if self.current.is_none() {
-            let log = FlightLog::new(Vec::new(), self.epoch, self.rotor_count, &self.attachments)?;
+            // The oldest makes room for the newest: a memory that is full does not grow.
+            let full = self.finished.len() > FINISHED;
+            let mut room = if full { self.finished.pop_front().unwrap_or_default() } else { Vec::new() };
+            room.clear();
+            let log = FlightLog::new(room, Index::LeftOut, self.epoch, self.rotor_count, &self.attachments)?;
             self.current = Some((time, log));
         }
         match &mut self.current {
@@ -45,11 +52,8 @@ impl BlackBox {
 
     fn close(&mut self) -> Result<(), McapError> {
         if let Some((_, log)) = self.current.take() {
-            if self.finished.len() == FINISHED {
-                self.finished.pop_front();
-            }
             let mut segment = log.finish()?;
-            segment.shrink_to_fit();
+            segment.shrink_to(segment.len() + segment.len() / 16);
             self.finished.push_back(segment);
         }
         Ok(())

@@ -11,7 +11,7 @@ use tilthex_core::{
 use super::{
     convert::{self, TickMessages},
     messages::{self as m, foxglove},
-    writer::{LogWriter, Stamp, Topic},
+    writer::{Index, LogWriter, Stamp, Topic},
 };
 use crate::sim::Truth;
 
@@ -122,11 +122,12 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn new(
         file: W,
+        index: Index,
         epoch: Epoch,
         rotor_count: usize,
         attachments: &Attachments,
     ) -> Result<Self, McapError> {
-        let mut log = LogWriter::new(file)?;
+        let mut log = LogWriter::new(file, index)?;
         let topics = Topics {
             state: log.topic::<m::State>("/state")?,
             setpoint: log.topic::<m::Target>("/setpoint")?,

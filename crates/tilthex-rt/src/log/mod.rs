@@ -11,4 +11,4 @@ pub use black_box::BlackBox;
 pub use convert::TickMessages;
 pub use flight_log::{Attachments, Epoch, FlightLog, Tick, Timing, fault_names};
 pub use reader::LogReader;
-pub use writer::{LogWriter, Stamp, Topic};
+pub use writer::{Index, LogWriter, Stamp, Topic};

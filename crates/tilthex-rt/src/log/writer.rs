@@ -24,6 +24,15 @@ pub struct Stamp {
     pub log: u64,
 }
 
+/// Whether a log says where in it things are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Index {
+    /// For files, which are searched.
+    Written,
+    /// For memory, which is read from end to end: a third smaller.
+    LeftOut,
+}
+
 /// Writes a log.
 pub struct LogWriter<W: Write> {
     writer: mcap::Writer<NoSeek<W>>,
@@ -36,10 +45,13 @@ impl<W: Write> LogWriter<W> {
     ///
     /// # Errors
     /// What the file says.
-    pub fn new(file: W) -> Result<Self, McapError> {
+    pub fn new(file: W, index: Index) -> Result<Self, McapError> {
+        let indexed = index == Index::Written;
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
             .chunk_size(Some(CHUNK))
+            .emit_message_indexes(indexed)
+            .emit_summary_records(indexed)
             .library(concat!("tilthex ", env!("CARGO_PKG_VERSION")))
             // Chunks are put together in memory and written whole, so a killed program leaves no half one.
             .disable_seeking(true);
@@ -143,7 +155,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back_with_schema_and_times() {
-        let mut log = LogWriter::new(Vec::new()).expect("begins");
+        let mut log = LogWriter::new(Vec::new(), Index::LeftOut).expect("begins");
         let topic = log.topic::<Vector3>("/v").expect("added");
         log.attach("config.toml", "application/toml", b"[vehicle]\n", 1).expect("attached");
         let sent = Vector3 { x: 1.0, y: -2.5, z: f64::MIN_POSITIVE };
@@ -171,7 +183,7 @@ mod tests {
             groups in prop::collection::vec(1..40u64, 1..8), rest in 0..40u64, cut in 0.0..1.0f64,
         ) {
             let file = Shared::default();
-            let mut log = LogWriter::new(file.clone()).expect("begins");
+            let mut log = LogWriter::new(file.clone(), Index::Written).expect("begins");
             let topic = log.topic::<Flight>("/flight").expect("added");
             let mut tick = 0;
             // (length of the file, messages that must be readable in it)
