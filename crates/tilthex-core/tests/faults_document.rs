@@ -14,8 +14,8 @@ compares the two.
 - **refuse**: on the ground, the motors do not start, or stop.
 - **hold**: the mission's clock slows to a stop within 0.5 s, and goes on when the fault is over.
 - **land**: straight down from the reference, turning level; is not taken back.
-- **descend**: level attitude and a constant rate of descent on IMU and model, without a position; back to *land* when
-  the position returns.
+- **descend**: level attitude and a constant rate of descent on IMU and model, without a position; where the speed is not known either
+  (1 m/s), with 85 % of the weight; back to *land* when the position returns.
 
 Where several faults last, the last-named reaction among theirs holds. Motors stop only when the ground carries the vehicle, or on
 the operator's explicit kill. It does so when, on the way down, the rotors give less than 70 % of the weight to a vehicle that rises or sinks no faster than

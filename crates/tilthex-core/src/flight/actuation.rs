@@ -1,6 +1,6 @@
 //! From the state to what the rotors are asked, and to the bytes that ask it.
 
-use super::{Flight, io::TickOutput};
+use super::{Flight, guidance::Descent, io::TickOutput, watch::MAX_VELOCITY_DEVIATION};
 use crate::{
     controller::{ControllerInput, ControllerState},
     supervisor::{Fault, Phase},
@@ -29,7 +29,8 @@ impl Flight {
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 let robot = self.estimator.robot_state();
-                let guided = self.guidance.step(phase, self.adrift, &robot, self.params.vehicle.tool(), dt);
+                let guided =
+                    self.guidance.step(phase, self.descent(), &robot, self.params.vehicle.tool(), dt);
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.estimator.specific_force_r(),
@@ -66,12 +67,23 @@ impl Flight {
         }
     }
 
+    fn descent(&self) -> Descent {
+        // A NaN is not known either.
+        let known = self.estimator.health().velocity_deviation <= MAX_VELOCITY_DEVIATION;
+        match (known, self.adrift) {
+            (false, _) => Descent::Blind,
+            (true, true) => Descent::Adrift,
+            (true, false) => Descent::Steady,
+        }
+    }
+
     /// Whether there is no getting the attitude back: turned over, or in a spin past the gyro's range,
     /// without what it takes to know it or to hold it.
     fn attitude_lost(&self) -> bool {
         let active = self.supervisor.active();
         let unfelt = active.contains(Fault::ImuSilent);
-        active.contains(Fault::Tilt) && (self.adrift || unfelt)
+        let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
+        active.contains(Fault::Tilt) && (powerless || unfelt)
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt
     }
 

@@ -34,6 +34,20 @@ const WAY_BACK: (f64, f64) = (1.0, 0.5);
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 const ADRIFT_SPEED: f64 = 1.0;
 
+/// Downward acceleration where no speed is known, m/s^2: what may be a climb has to end, and from 1 m it makes 1.7 m/s.
+const BLIND_ACCELERATION: f64 = 1.5;
+
+/// How an emergency goes down.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Descent {
+    /// At the speed of a landing.
+    Steady,
+    /// Faster: without a rotor that it takes to hover.
+    Adrift,
+    /// With a little less thrust than the weight: without a speed to go by.
+    Blind,
+}
+
 /// The descent of a landing, which goes on until the ground is felt: where the
 /// ground is in the world is not relied on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -229,11 +243,11 @@ impl Guidance {
         self.hover_time = 0.0;
     }
 
-    /// The set-point of this tick; `adrift` where the vehicle can not hover with the rotors it has left.
+    /// The set-point of this tick; an emergency goes down by `descent`.
     pub(super) fn step(
         &mut self,
         phase: Phase,
-        adrift: bool,
+        descent: Descent,
         robot: &RobotState,
         tool: &Mounting,
         dt: f64,
@@ -250,8 +264,16 @@ impl Guidance {
             self.stage = Stage::Mission;
         }
         if phase == Phase::Emergency {
-            let speed = if adrift { ADRIFT_SPEED } else { self.params.landing_speed };
-            return Guided { setpoint: descend(robot, tool, speed), compliant: false, learn_bias: false };
+            let mut setpoint = descend(robot, tool);
+            match descent {
+                Descent::Steady => setpoint.velocity_w.z = -self.params.landing_speed,
+                Descent::Adrift => setpoint.velocity_w.z = -ADRIFT_SPEED,
+                Descent::Blind => {
+                    setpoint.velocity_w = robot.velocity_w;
+                    setpoint.acceleration_w.z = -BLIND_ACCELERATION;
+                }
+            }
+            return Guided { setpoint, compliant: false, learn_bias: false };
         }
         let mut setpoint = self.sample();
         // A clock that runs at `rate` scales velocities, and its change adds to the acceleration.
@@ -305,11 +327,10 @@ impl Guidance {
     }
 }
 
-/// Level where it is, sinking: neither a position nor a heading is asked for.
-fn descend(robot: &RobotState, tool: &Mounting, speed: f64) -> Setpoint {
+/// Level where it is: neither a position nor a heading is asked for.
+fn descend(robot: &RobotState, tool: &Mounting) -> Setpoint {
     let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
-    let sinking = Vector3::new(0.0, 0.0, -speed);
-    Setpoint { velocity_w: sinking, ..Setpoint::hold(w.position_w, w.rotation_we) }
+    Setpoint::hold(w.position_w, w.rotation_we)
 }
 
 /// The same heading, level: body x stays in its vertical plane.

@@ -57,6 +57,8 @@ pub(super) struct Seen<'a> {
 const MAX_INCONSISTENCY: f64 = 4.0;
 /// Deviation of the position above which it is given up, m.
 const MAX_POSITION_DEVIATION: f64 = 0.5;
+/// Velocity deviation above which speed is not known, m/s.
+pub(super) const MAX_VELOCITY_DEVIATION: f64 = 1.0;
 
 /// Poses by what became of them.
 #[derive(Clone, Copy, Debug, Default)]
@@ -191,7 +193,8 @@ impl Watch {
         set.insert_if(Fault::PoseJumping, self.refused_in_a_row >= 5);
         set.insert_if(Fault::EstimateInconsistent, health.nis_mean > MAX_INCONSISTENCY);
         // A NaN is uncertain too.
-        let certain = health.position_deviation <= MAX_POSITION_DEVIATION;
+        let certain = health.position_deviation <= MAX_POSITION_DEVIATION
+            && health.velocity_deviation <= MAX_VELOCITY_DEVIATION;
         set.insert_if(Fault::EstimateUncertain, !certain);
     }
 
