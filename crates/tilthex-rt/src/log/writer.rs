@@ -155,7 +155,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back_with_schema_and_times() {
-        let mut log = LogWriter::new(Vec::new(), Index::LeftOut).expect("begins");
+        let mut log = LogWriter::new(Vec::new(), Index::Written).expect("begins");
         let topic = log.topic::<Vector3>("/v").expect("added");
         log.attach("config.toml", "application/toml", b"[vehicle]\n", 1).expect("attached");
         let sent = Vector3 { x: 1.0, y: -2.5, z: f64::MIN_POSITIVE };
