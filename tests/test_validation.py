@@ -135,6 +135,7 @@ def test_a_period_is_positive(call, dt):
         ({"admittance": {"mass": [-1] * 6}}, "admittance mass has the eigenvalue -1"),
         ({"pose_control": {"position_gain": float("nan")}}, "position_gain holds a NaN"),
         ({"wrench_observer": {"force_gain": 0}}, "force_gain is 0; expected a number from"),
+        ({"admittance": {"room_torque": -1}}, "[admittance]: room_torque is -1; expected a number from 0"),
         ({"admittance": 3}, "[admittance]: found an integer; expected a table"),
     ],
 )

@@ -130,10 +130,12 @@ impl AdmittanceFilter {
         for _ in 0..steps as usize {
             self.runge_kutta(state, setpoint, &push, dt / steps);
         }
-        let limited = self.hold_back(state);
+        let limits = self.hold_back(state);
+        let limited = limits.iter().any(Option::is_some);
         let dv = self.acceleration(&deviation(state), &state.twist_w, &push);
         let (v, w) = halves(&state.twist_w);
         let (a, alpha) = halves(&dv);
+        let [a, alpha] = [without_outward(a, limits[0]), without_outward(alpha, limits[1])];
         AdmittanceOutput {
             reference: Setpoint {
                 position_w: setpoint.position_w + state.translation_w,
@@ -188,29 +190,38 @@ impl AdmittanceFilter {
     }
 
     /// Keeps the excursion within its limits: back onto the sphere, without outward velocity.
-    fn hold_back(&self, state: &mut AdmittanceState) -> bool {
-        let mut limited = false;
-        let mut clamp = |value: &mut Vector3, rate: &mut Vector3, limit: f64| {
-            let norm = value.norm();
-            if norm > limit {
-                limited = true;
-                let outward = *value / norm;
-                *value = outward * limit;
-                let speed = rate.dot(&outward);
-                if speed > 0.0 {
-                    *rate -= outward * speed;
-                }
-            }
-        };
+    /// Returns the outward directions of translation and turn that are at their limits.
+    fn hold_back(&self, state: &mut AdmittanceState) -> [Option<Vector3>; 2] {
         let (mut v, mut w) = halves(&state.twist_w);
-        clamp(&mut state.translation_w, &mut v, self.params.max_translation);
+        let translation = clamp(&mut state.translation_w, &mut v, self.params.max_translation);
         let mut turn = so3::log(&state.rotation);
-        clamp(&mut turn, &mut w, self.params.max_rotation);
-        if limited {
+        let rotation = clamp(&mut turn, &mut w, self.params.max_rotation);
+        if translation.is_some() || rotation.is_some() {
             state.rotation = so3::exp(&turn);
             state.twist_w = Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z);
         }
-        limited
+        [translation, rotation]
+    }
+}
+
+/// Brings a vector longer than `limit` back to it; returns its direction if it was.
+fn clamp(value: &mut Vector3, rate: &mut Vector3, limit: f64) -> Option<Vector3> {
+    let norm = value.norm();
+    if norm > limit {
+        let outward = *value / norm;
+        *value = outward * limit;
+        *rate = without_outward(*rate, Some(outward));
+        Some(outward)
+    } else {
+        None
+    }
+}
+
+/// What is left of a rate where the way `outward` is barred.
+fn without_outward(rate: Vector3, outward: Option<Vector3>) -> Vector3 {
+    match outward {
+        Some(n) if rate.dot(&n) > 0.0 => rate - n * rate.dot(&n),
+        _ => rate,
     }
 }
 

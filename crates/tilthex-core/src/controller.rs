@@ -10,6 +10,7 @@ use crate::{
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone},
     pose_control::{PoseCommand, PoseController, PoseGains},
+    rotor_room::RotorRoom,
     types::{Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
     vehicle::speeds,
     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
@@ -33,6 +34,9 @@ pub struct ControllerParams {
     pub torque_dead_zone: f64,
     /// Cut-off of the low-pass before the dead zone, Hz; 0 for none.
     pub low_pass_hz: f64,
+    /// Largest torque about the tool's axis that turns the reference to where the rotors have
+    /// more room, N m; 0 for none.
+    pub room_torque: f64,
     /// What is given up first where the rotors' limits do not let all be had.
     pub allocation: AllocatorParams,
     /// Which attitude is flown where lateral force does not suffice.
@@ -47,6 +51,7 @@ pub struct Controller {
     observer: WrenchObserver,
     low_pass: LowPass,
     admittance: AdmittanceFilter,
+    room: Option<RotorRoom>,
     pose: PoseController,
     attitude: AttitudeSelector,
     allocator: Allocator,
@@ -141,7 +146,9 @@ impl Controller {
     pub fn new(vehicle: Vehicle, params: ControllerParams) -> Result<Self, Error> {
         check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
         check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
+        let room = RotorRoom::new(&vehicle, params.room_torque)?;
         Ok(Self {
+            room: Some(room).filter(|_| params.room_torque > 0.0),
             observer: WrenchObserver::new(&vehicle, params.observer)?,
             low_pass: LowPass::new(params.low_pass_hz)?,
             admittance: AdmittanceFilter::new(params.admittance)?,
@@ -216,8 +223,13 @@ impl Controller {
             force: dead_zone(&smooth.force, self.params.force_dead_zone),
             torque: dead_zone(&smooth.torque, self.params.torque_dead_zone),
         };
-        let drive =
+        let mut drive =
             if input.compliant { wrench_admittance_w + input.setpoint.wrench_w } else { Wrench::ZERO };
+        // Without all of its rotors the vehicle has other limits.
+        if let Some(room) = self.room.as_ref().filter(|_| input.compliant && input.lost_rotors == 0) {
+            let rotation_we = state.admittance.rotation * input.setpoint.rotation_we;
+            drive.torque += room.torque(&rotation_we, tool);
+        }
         let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);

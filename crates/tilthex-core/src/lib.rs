@@ -33,6 +33,7 @@ pub mod mocap;
 pub mod plant;
 pub mod pose_control;
 pub mod random;
+pub mod rotor_room;
 pub mod so3;
 pub mod supervisor;
 pub mod trajectory;

@@ -128,6 +128,25 @@ proptest! {
         }
     }
 
+    /// At its limits the reference stands still, and nothing is fed forward that would move it.
+    #[test]
+    fn a_reference_at_its_limit_is_not_accelerated_outwards(push in wrench(50.0, 20.0), limit in 0.05..0.5f64, turn in 0.1..1.0f64) {
+        prop_assume!(push.force.norm() > 10.0 && push.torque.norm() > 5.0);
+        let p = AdmittanceParams { max_translation: limit, max_rotation: turn, ..diagonal([1.5; 6], [5.0; 6], [2.0; 6]) };
+        let filter = AdmittanceFilter::new(p).unwrap();
+        let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+        let mut state = AdmittanceState::default();
+        for _ in 0..3000 {
+            let out = filter.step(&mut state, &setpoint, &push, 0.002);
+            if out.reference.position_w.norm() >= limit - 1e-12 && out.limited {
+                prop_assert!(out.reference.acceleration_w.dot(&out.reference.position_w) < 1e-9);
+            }
+        }
+        let rest = filter.step(&mut state, &setpoint, &push, 0.002).reference;
+        prop_assert!(rest.velocity_w.norm() < 1e-6 && rest.acceleration_w.norm() < 1e-6);
+        prop_assert!(rest.angular_velocity_w.norm() < 1e-6 && rest.angular_acceleration_w.norm() < 1e-6);
+    }
+
     #[test]
     fn the_robot_reference_is_the_derivative_of_itself(
         position in vector(1.0), attitude in rotation(), v in vector(1.0), w in vector(1.0), a in vector(1.0), alpha in vector(1.0),

@@ -102,6 +102,7 @@ fn controller(vehicle: Vehicle) -> Controller {
         force_dead_zone: 5.0,
         torque_dead_zone: 5.0,
         low_pass_hz: 10.0,
+        room_torque: 0.0,
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     };

@@ -41,6 +41,7 @@ fn params() -> ControllerParams {
         force_dead_zone: 0.2,
         torque_dead_zone: 0.2,
         low_pass_hz: 10.0,
+        room_torque: 0.0,
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     }

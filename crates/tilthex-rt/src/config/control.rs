@@ -56,6 +56,9 @@ section! {
         torque_dead_zone: f64 = 0.2,
         /// Cut-off of the low-pass before the dead zones, Hz; 0 for none.
         low_pass_hz: f64 = 20.0,
+        /// For a tool whose turn about its own axis (z) does not matter: largest torque that turns the reference
+        /// about it to where hovering leaves the rotors more room, N m; 0 for none.
+        room_torque: f64 = 0.0,
         /// Farthest the reference yields from the set-point, m.
         max_translation: f64 = 1.0,
         /// Farthest the reference turns from the set-point, degrees.
@@ -185,6 +188,7 @@ pub(super) fn controller_params(
         force_dead_zone: admittance.force_dead_zone,
         torque_dead_zone: admittance.torque_dead_zone,
         low_pass_hz: admittance.low_pass_hz,
+        room_torque: admittance.room_torque,
         allocation: allocation.params()?,
         attitude: attitude.params()?,
     };
@@ -193,7 +197,7 @@ pub(super) fn controller_params(
     AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
     AttitudeSelector::new(vehicle, params.attitude).map_err(within::<AttitudeSection>)?;
     Allocator::with_params(vehicle, params.allocation).map_err(within::<AllocationSection>)?;
-    // What is left to refuse is the filter and the dead zones.
+    // What is left to refuse is the filter, the dead zones and the torque towards more room.
     Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
     Ok(params)
 }

@@ -1,0 +1,91 @@
+//! Turning about the tool's axis to where the rotors have more room.
+//!
+//! A tilted hover brings some rotors near their limits, and how near depends on the
+//! axis of the tilt in the vehicle: the Tilt-Hex reaches 18 deg about one and 32 deg
+//! about another. A tool that may turn about its own axis can choose. The room is the
+//! smallest distance of any rotor's input from its limits in a hover, in parts of the
+//! rotor's range. A torque towards more of it is added to what drives the admittance
+//! filter: bounded, so that with the damping it bounds the rate of the turn.
+
+use crate::{
+    Error, GRAVITY, Vehicle,
+    error::check_range,
+    types::{MAX_ROTORS, Matrix3, Vector3},
+    vehicle::{Actuation, Mounting},
+};
+use nalgebra::SMatrix;
+
+/// Sharpness of the smooth least: rooms that differ by more than its inverse are told apart.
+const SHARPNESS: f64 = 60.0;
+/// Gain of room by turning, 1/rad, at which the torque is 0.7 of its largest.
+const KNEE: f64 = 0.01;
+
+/// The torque towards more room, for one vehicle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotorRoom {
+    /// N m.
+    largest: f64,
+    /// Rooms above the lower limits of a hover whose upward direction is e (robot): `slope * e + offset`.
+    slope: SMatrix<f64, MAX_ROTORS, 3>,
+    offset: [f64; MAX_ROTORS],
+    count: usize,
+}
+
+impl RotorRoom {
+    /// With the largest torque, N m.
+    ///
+    /// # Errors
+    /// A torque out of range, or a vehicle that can not hover tilted.
+    pub fn new(vehicle: &Vehicle, largest: f64) -> Result<Self, Error> {
+        check_range("room_torque", largest, 0.0, 1000.0)?;
+        if largest > 0.0 && vehicle.actuation() != Actuation::Pose {
+            return Err(Error::Unsupported {
+                name: "room_torque",
+                found: "above 0",
+                expected: "0: this vehicle hovers in one attitude, whatever its heading",
+            });
+        }
+        let mut slope = vehicle.allocation_inverse().fixed_columns::<3>(0) * (vehicle.mass() * GRAVITY);
+        let mut offset = [0.0; MAX_ROTORS];
+        for (i, rotor) in vehicle.rotors().iter().enumerate() {
+            let input = |speed: f64| speed * libm::fabs(speed);
+            let (lower, upper) = (input(rotor.min_speed), input(rotor.max_speed));
+            slope.row_mut(i).scale_mut(1.0 / (upper - lower));
+            offset[i] = -lower / (upper - lower);
+        }
+        Ok(Self { largest, slope, offset, count: vehicle.rotor_count() })
+    }
+
+    /// The room in a hover, parts of a rotor's range, and its derivative by a turn about `axis_w`, 1/rad.
+    ///
+    /// The least of all rotors' distances from both limits, made smooth: at most
+    /// `ln(2 n) / 60` below it.
+    #[must_use]
+    pub fn room(&self, rotation_wr: &Matrix3, axis_w: &Vector3) -> (f64, f64) {
+        let up_r = rotation_wr.transpose() * Vector3::z();
+        let turning_r = rotation_wr.transpose() * Vector3::z().cross(axis_w);
+        let (above, rates) = (self.slope * up_r, self.slope * turning_r);
+        let rooms = || {
+            above.iter().zip(rates.iter()).zip(self.offset.iter()).take(self.count).flat_map(
+                |((a, rate), o)| {
+                    let room = a + o;
+                    [(room, *rate), (1.0 - room, -rate)]
+                },
+            )
+        };
+        let least = rooms().fold(f64::INFINITY, |least, (room, _)| least.min(room));
+        let (sum, slope) = rooms().fold((0.0, 0.0), |(sum, slope), (room, rate)| {
+            let weight = libm::exp(SHARPNESS * (least - room));
+            (sum + weight, slope + weight * rate)
+        });
+        (least - libm::log(sum) / SHARPNESS, slope / sum)
+    }
+
+    /// The torque on a reference of the tool, `rotation_we`, that points along its axis: N m, world.
+    #[must_use]
+    pub fn torque(&self, rotation_we: &Matrix3, tool: &Mounting) -> Vector3 {
+        let axis_w: Vector3 = rotation_we.column(2).into_owned();
+        let (_, slope) = self.room(&(rotation_we * tool.rotation_r.transpose()), &axis_w);
+        axis_w * (self.largest * slope / libm::sqrt(slope * slope + KNEE * KNEE))
+    }
+}
