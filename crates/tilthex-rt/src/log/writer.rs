@@ -8,9 +8,6 @@ use prost::{Message, Name};
 
 use super::messages::DESCRIPTORS;
 
-/// Largest chunk before it is written, bytes: as far back as LZ4 looks for what it has seen.
-const CHUNK: u64 = 64 * 1024;
-
 /// A channel of a [`LogWriter`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Topic(u16);
@@ -33,6 +30,18 @@ pub enum Index {
     LeftOut,
 }
 
+impl Index {
+    /// Largest chunk before it is written, bytes.
+    const fn chunk(self) -> u64 {
+        match self {
+            // Each has an index that stays in memory till the end: few of them.
+            Self::Written => 512 * 1024,
+            // As far back as LZ4 looks for what it has seen.
+            Self::LeftOut => 64 * 1024,
+        }
+    }
+}
+
 /// Writes a log.
 pub struct LogWriter<W: Write> {
     writer: mcap::Writer<NoSeek<W>>,
@@ -49,7 +58,7 @@ impl<W: Write> LogWriter<W> {
         let indexed = index == Index::Written;
         let options = WriteOptions::new()
             .compression(Some(Compression::Lz4))
-            .chunk_size(Some(CHUNK))
+            .chunk_size(Some(index.chunk()))
             .emit_message_indexes(indexed)
             .emit_summary_records(indexed)
             .library(concat!("tilthex ", env!("CARGO_PKG_VERSION")))
