@@ -3,6 +3,7 @@
 use super::{Flight, guidance::Descent, io::TickOutput, watch::MAX_VELOCITY_DEVIATION};
 use crate::{
     controller::{ControllerInput, ControllerState},
+    so3,
     supervisor::{Fault, Phase},
     types::RotorVector,
 };
@@ -83,7 +84,10 @@ impl Flight {
         let active = self.supervisor.active();
         let unfelt = active.contains(Fault::ImuSilent);
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
-        active.contains(Fault::Tilt) && (powerless || unfelt)
+        // It is a matter of a tenth of a second how far aside it comes down.
+        let turned_over = so3::tilt(&self.estimator.robot_state().rotation_wr) > self.params.watch.max_tilt;
+        turned_over && powerless
+            || active.contains(Fault::Tilt) && unfelt
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt
     }
 
