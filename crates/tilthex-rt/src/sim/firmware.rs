@@ -9,12 +9,11 @@ use tilthex_core::{
         HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Severity, Stream, Text,
         VehicleMessage,
     },
-    plant::ImuSample,
+    plant::{Battery, ImuSample, rotor_current},
 };
 
 use super::{
     Micros,
-    battery::{Battery, rotor_current},
     motor::{Event, Motor},
 };
 
