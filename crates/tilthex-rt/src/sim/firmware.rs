@@ -3,13 +3,10 @@
 //! the time it is told, so that it serves a pseudo-terminal in real time and
 //! the fault campaign in virtual time alike.
 
-use tilthex_core::{
-    MAX_ROTORS, RotorVector, Vehicle,
-    link::tk3::{
-        HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Severity, Stream, Text,
-        VehicleMessage,
-    },
-    plant::ImuSample,
+use tilthex_core::{MAX_ROTORS, RotorVector, Vehicle, plant::ImuSample};
+use tilthex_link::{
+    Severity, Text,
+    tk3::{self, HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage},
 };
 
 use super::{
@@ -147,7 +144,7 @@ impl Firmware {
             HostMessage::Speeds(values) => {
                 self.speeds_received += 1;
                 for (motor, &value) in motors.iter_mut().zip(values.as_slice()) {
-                    motor.set_speed(tilthex_core::link::tk3::speed(value), now);
+                    motor.set_speed(tk3::speed(value), now);
                 }
             }
             HostMessage::Throttles(values) => {
