@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tilthex_core::link::tk3::{Decoder, Frame, HostMessage, MAX_FRAME, Message, VehicleMessage};
+use tilthex_link::tk3::{Decoder, Frame, HostMessage, MAX_FRAME, Message, VehicleMessage};
 
 fuzz_target!(|bytes: &[u8]| {
     let mut decoder = Decoder::default();

@@ -28,7 +28,6 @@ pub mod error;
 pub mod estimator;
 pub mod filters;
 pub mod flight;
-pub mod link;
 pub mod mocap;
 pub mod plant;
 pub mod pose_control;

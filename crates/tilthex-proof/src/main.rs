@@ -14,14 +14,17 @@ use tilthex_core::{
     controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
     estimator::{Estimator, Outcome},
     filters::{LowPass, LowPassState},
-    flight::{Flight, TickInput, TickOutput},
-    link::tk3::{HostMessage, Receiver, VehicleMessage},
+    flight::{Commanded, Flight, Measured},
     plant::{Plant, PlantState},
     pose_control::{PoseCommand, PoseController},
     supervisor::{Facts, FaultSet, Phase, Supervisor},
     trajectory::Trajectory,
     types::RotorVector,
     wrench_observer::{ObserverInput, WrenchObserver, WrenchObserverState},
+};
+use tilthex_link::{
+    InertialDue, LinkedFlight, LinkedOutput, VehicleLink, WireInput,
+    tk3::{self, HostMessage, Receiver, VehicleMessage},
 };
 
 #[no_panic]
@@ -96,7 +99,17 @@ fn encode(message: &HostMessage, out: &mut [u8]) -> usize {
 }
 
 #[no_panic]
-fn tick(b: &mut Flight, input: &TickInput<'_>, out: &mut TickOutput) {
+fn tick(b: &mut Flight, input: &Measured<'_>, out: &mut Commanded) {
+    b.tick(input, out);
+}
+
+#[no_panic]
+fn look(b: &mut tk3::Host, bytes: &[u8]) -> InertialDue {
+    b.look(bytes)
+}
+
+#[no_panic]
+fn tick_on_wire(b: &mut LinkedFlight, input: &WireInput<'_>, out: &mut LinkedOutput) {
     b.tick(input, out);
 }
 
@@ -116,5 +129,7 @@ fn main() {
     black_box(receive as fn(_, _) -> _);
     black_box(encode as fn(_, _) -> _);
     black_box(tick as fn(_, _, _));
+    black_box(look as fn(_, _) -> _);
+    black_box(tick_on_wire as fn(_, _, _));
     println!("no step function can panic");
 }

@@ -3,7 +3,7 @@
 use crate::{config::Config, convert};
 use numpy::{PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
-use tilthex_core::flight::ImuReader;
+use tilthex_link::{Link, VehicleLink};
 
 /// Inertial samples in the link's recorded bytes, chunk by chunk with the time at which each was read:
 /// rows of time (s), gyro (rad/s), specific force (m/s^2), IMU axes, (n, 7).
@@ -14,12 +14,12 @@ pub(crate) fn read_imu<'py>(
     times: Vec<f64>,
     chunks: Vec<Vec<u8>>,
 ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-    let params = config.checked.flight_params(false).map_err(convert::config_error)?;
-    let rotors = params.vehicle.rotor_count();
-    let mut reader = ImuReader::new(params.session, rotors).map_err(convert::value_error)?;
+    let params = config.checked.linked_params(false).map_err(convert::config_error)?;
+    let rotors = params.flight.vehicle.rotor_count();
+    let mut link = Link::new(params.kind, params.link, rotors).map_err(convert::value_error)?;
     let mut rows = Vec::new();
     for (time, chunk) in times.iter().zip(&chunks) {
-        for sample in reader.read(chunk, *time) {
+        for sample in link.receive(chunk, *time).inertial.samples() {
             rows.push(sample.time);
             rows.extend(sample.gyro_i.iter().chain(&sample.specific_force_i));
         }

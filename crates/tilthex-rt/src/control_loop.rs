@@ -16,14 +16,14 @@ use rtrb::Consumer;
 use tilthex_core::{
     PoseSample,
     estimator::StartError,
-    flight::{Command, Flight, HostFacts, MAX_BYTES_IN, MAX_POSES, Record, TickInput, TickOutput},
-    link::tk3::{HostMessage, MAX_FRAME, Stream},
+    flight::{Command, HostFacts, MAX_POSES, Record},
     supervisor::{Fault, FaultSet, Phase},
 };
+use tilthex_link::{InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput};
 
 use crate::{
     log::{Tick, Timing},
-    phase_lock::{LOOK, PhaseLock},
+    phase_lock::{self, LOOK},
     port::{Port, Written},
     recorder::Feed,
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
@@ -79,8 +79,8 @@ pub struct LoopParams {
 
 /// What the loop works on.
 pub struct ControlLoop {
-    /// The flight.
-    pub flight: Flight,
+    /// The flight, behind its link.
+    pub linked: LinkedFlight,
     /// The line to the vehicle.
     pub port: Port,
     /// Poses from motion capture.
@@ -133,7 +133,7 @@ impl ControlLoop {
         }
         memory.pose_seen |= poses[..pose_count].iter().any(|pose| pose.tracking_valid);
         let command = self.commands.pop().ok();
-        let input = TickInput {
+        let input = WireInput {
             time: memory.now,
             bytes: &memory.bytes[..memory.byte_count],
             poses: &poses[..pose_count],
@@ -144,37 +144,38 @@ impl ControlLoop {
                 log_lost: self.feed.log_lost(),
             },
         };
-        self.flight.tick(&input, &mut memory.out);
-        if !memory.out.bytes().is_empty() {
-            memory.gone |= self.port.write(memory.out.bytes()) == Written::Gone;
+        self.linked.tick(&input, &mut memory.out);
+        let sent = memory.out.wire.sent.bytes();
+        if !sent.is_empty() {
+            memory.gone |= self.port.write(sent) == Written::Gone;
         }
         let written = clock.now();
-        if self.flight.supervisor().phase().in_flight() {
+        if self.linked.flight.supervisor().phase().in_flight() {
             memory.took_off.get_or_insert(memory.now);
         }
-        let (with_imu, shift) = memory.lock.end_tick(memory.timing.polls);
-        memory.shift = shift;
+        memory.shift = phase_lock::shift(memory.due, memory.timing.polls);
         memory.timing.compute = written - memory.last_woke;
-        memory.timing.imu_to_command = if with_imu { written - found } else { 0 };
+        memory.timing.imu_to_command = if memory.due.arrived { written - found } else { 0 };
         memory.timing.short_writes = self.port.short_writes();
-        self.feed.push(&Tick { record: memory.out.record, timing: memory.timing });
+        self.feed.push(&Tick::new(&memory.out, memory.timing));
     }
 
     /// Reads what is there, and looks again for an inertial sample that is due; when the last look was.
     fn read(&mut self, clock: &impl Clock, memory: &mut Memory) -> Nanos {
         memory.byte_count = 0;
+        memory.due = self.linked.link.look(&[]);
         let mut looks = 0;
         loop {
             let at = clock.now();
             let free = memory.bytes.get_mut(memory.byte_count..).unwrap_or_default();
             match self.port.read(free) {
                 Some(count) => {
-                    memory.lock.scan(&free[..count.min(free.len())]);
+                    memory.due = self.linked.link.look(&free[..count.min(free.len())]);
                     memory.byte_count += count;
                 }
                 None => memory.gone |= !free.is_empty(),
             }
-            if memory.gone || !memory.lock.wants_look(looks) {
+            if memory.gone || !phase_lock::wants_look(memory.due, looks) {
                 memory.timing.polls = looks;
                 return at;
             }
@@ -186,12 +187,13 @@ impl ControlLoop {
     fn time_to_land(&self, memory: &Memory) -> bool {
         let flown = memory.took_off.map(|since| memory.now - since);
         let late = |limit: f64| flown.is_some_and(|flown| flown >= limit);
-        self.params.duration.is_some_and(late) || (self.params.land_after_route && self.flight.mission_done())
+        self.params.duration.is_some_and(late)
+            || (self.params.land_after_route && self.linked.flight.mission_done())
     }
 
     fn end(&self, memory: &mut Memory) -> Option<End> {
-        let supervisor = self.flight.supervisor();
-        if self.flight.finished() {
+        let supervisor = self.linked.flight.supervisor();
+        if self.linked.finished() {
             return Some(End::Landed(supervisor.ended_by()));
         }
         let in_flight = supervisor.phase().in_flight();
@@ -209,7 +211,7 @@ impl ControlLoop {
         if was_starting {
             memory.refused = Some((memory.now, supervisor.refusals()));
         }
-        if self.flight.no_vehicle() {
+        if self.linked.link.refused() {
             Some(End::NoVehicle)
         } else if self.land.load(Ordering::Relaxed) {
             Some(End::Interrupted)
@@ -219,23 +221,21 @@ impl ControlLoop {
             Some(End::Refused(faults))
         } else if self.params.patience.is_some_and(|limit| memory.now - memory.begin >= limit) {
             Some(End::NotReady {
-                estimator: self.flight.start_refused(),
+                estimator: self.linked.flight.start_refused(),
                 faults: supervisor.refusals(),
                 pose_seen: memory.pose_seen,
-                link_ready: self.flight.identity().is_some(),
+                link_ready: self.linked.link.telemetry().link.identified,
             })
         } else {
             None
         }
     }
 
-    /// Turns the vehicle's streams off, and its motors where it stands.
+    /// Turns the vehicle's streams off.
     fn part(&mut self) {
-        let mut frame = [0; MAX_FRAME];
-        for stream in [Stream::Imu, Stream::Motors, Stream::Battery] {
-            let length = HostMessage::Rate { stream, period_us: 0 }.encode(&mut frame);
-            self.port.write(&frame[..length]);
-        }
+        let mut out = Outgoing::default();
+        self.linked.link.part(&mut out);
+        self.port.write(out.bytes());
     }
 }
 
@@ -243,8 +243,8 @@ impl ControlLoop {
 struct Memory {
     bytes: [u8; MAX_BYTES_IN],
     byte_count: usize,
-    out: TickOutput,
-    lock: PhaseLock,
+    out: LinkedOutput,
+    due: InertialDue,
     timing: Timing,
     shift: i64,
     last_woke: Nanos,
@@ -265,8 +265,8 @@ impl Memory {
         Self {
             bytes: [0; MAX_BYTES_IN],
             byte_count: 0,
-            out: TickOutput::default(),
-            lock: PhaseLock::default(),
+            out: LinkedOutput::default(),
+            due: InertialDue::default(),
             timing: Timing::default(),
             shift: 0,
             last_woke: begin,
@@ -278,7 +278,7 @@ impl Memory {
             pose_seen: false,
             gone: false,
             gone_since: None,
-            no_pose: Record::default().raw.poses[0],
+            no_pose: Record::default().input.poses[0],
         }
     }
 }

@@ -301,7 +301,7 @@ fn state(latest: &Latest, refused: u64) -> Value {
     let faults: Vec<_> = r.faults.rows().map(|row| row.name).collect();
     let rotors = |speeds: &[f64]| json!(&speeds[..latest.rotor_count.min(speeds.len())]);
     json!({
-        "time": r.raw.time,
+        "time": r.input.time,
         "tick": r.tick,
         "phase": r.phase.name(),
         "faults": faults,

@@ -10,6 +10,7 @@
 //! late sample moves it by no more than that.
 
 use crate::sleeper::Nanos;
+use tilthex_link::InertialDue;
 
 /// Between two looks at the port, ns.
 pub const LOOK: Nanos = 50_000;
@@ -17,63 +18,20 @@ pub const LOOK: Nanos = 50_000;
 pub const MAX_LOOKS: u32 = 10;
 /// How much earlier the next tick comes while samples are there in time, ns.
 const CREEP: i64 = 4_000;
-/// Ticks without a sample after which the stream counts as off.
-const PATIENCE: u32 = 10;
 
-/// Sees whole IMU frames pass in the raw bytes, without decoding them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Scan {
-    #[default]
-    Elsewhere,
-    Start,
-    InImu,
+/// Whether another look at the port is worth while after `looks` of them.
+#[must_use]
+pub fn wants_look(due: InertialDue, looks: u32) -> bool {
+    due.is_awaited() && looks < MAX_LOOKS
 }
 
-/// The lock's memory.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct PhaseLock {
-    scan: Scan,
-    found: bool,
-    missed: u32,
-    running: bool,
-}
-
-impl PhaseLock {
-    /// Looks through bytes in the order they came.
-    pub fn scan(&mut self, bytes: &[u8]) {
-        for &byte in bytes {
-            self.scan = match (self.scan, byte) {
-                (_, b'^') => Scan::Start,
-                (Scan::Start, b'I') => Scan::InImu,
-                (Scan::InImu, b'$') => {
-                    self.found = true;
-                    Scan::Elsewhere
-                }
-                (Scan::InImu, _) => Scan::InImu,
-                _ => Scan::Elsewhere,
-            };
-        }
-    }
-
-    /// Whether another look at the port is worth while after `looks` of them.
-    #[must_use]
-    pub fn wants_look(&self, looks: u32) -> bool {
-        self.running && !self.found && looks < MAX_LOOKS
-    }
-
-    /// Ends a tick that looked again `looks` times: whether it had a sample,
-    /// and by how much the later deadlines move, ns.
-    pub fn end_tick(&mut self, looks: u32) -> (bool, i64) {
-        let found = std::mem::take(&mut self.found);
-        self.missed = if found { 0 } else { self.missed.saturating_add(1) };
-        let was_running = self.running;
-        self.running = self.missed < PATIENCE && (found || self.running);
-        let shift = match (was_running, found, looks) {
-            (false, _, _) => 0,
-            (true, true, 0) => -CREEP,
-            (true, ..) => LOOK as i64,
-        };
-        (found, shift)
+/// By how much the deadlines after a tick move that looked again `looks` times, ns.
+#[must_use]
+pub fn shift(due: InertialDue, looks: u32) -> i64 {
+    match (due.expected, due.arrived, looks) {
+        (false, _, _) => 0,
+        (true, true, 0) => -CREEP,
+        (true, ..) => LOOK as i64,
     }
 }
 
@@ -81,13 +39,14 @@ impl PhaseLock {
 mod tests {
     use super::*;
     use proptest::prelude::*;
+    use tilthex_link::Awaited;
 
     const PERIOD: f64 = 2e6;
 
     /// Runs the lock against a board whose clock is off by `drift` and jitters
     /// by up to `jitter` ns; the age of each sample when it is taken, ns.
     fn ages(drift: f64, jitter: f64, phase: f64, ticks: usize) -> Vec<f64> {
-        let mut lock = PhaseLock::default();
+        let mut awaited = Awaited::default();
         let mut random = tilthex_core::random::Random::new(7);
         let mut deadline = 0.0;
         let mut arrivals =
@@ -99,19 +58,20 @@ mod tests {
             loop {
                 while next.is_some_and(|arrival| arrival <= now) {
                     newest = next;
-                    lock.scan(b"^I..............$");
+                    awaited.arrive();
                     next = arrivals.next();
                 }
-                if !lock.wants_look(looks) {
+                if !wants_look(awaited.due(), looks) {
                     break;
                 }
                 now += LOOK as f64;
                 looks += 1;
             }
-            let (found, shift) = lock.end_tick(looks);
-            assert_eq!(found, newest.is_some());
+            let due = awaited.due();
+            awaited.end_tick();
+            assert_eq!(due.arrived, newest.is_some());
             ages.extend(newest.map(|arrival| now - arrival));
-            deadline += PERIOD + shift as f64;
+            deadline += PERIOD + shift(due, looks) as f64;
         }
         ages
     }
@@ -128,29 +88,18 @@ mod tests {
             let old = settled.iter().filter(|age| **age > limit).count();
             prop_assert!(old == 0, "{old} samples waited longer than {limit} ns");
         }
-
-        #[test]
-        fn frames_cut_anywhere_are_found_once(cut in 0usize..20) {
-            let bytes = b"^M2345$^I12345678901$^M";
-            let mut lock = PhaseLock::default();
-            lock.scan(&bytes[..cut]);
-            lock.scan(&bytes[cut..]);
-            prop_assert!(lock.end_tick(0).0);
-            lock.scan(b"2345$");
-            prop_assert!(!lock.end_tick(0).0);
-        }
     }
 
     #[test]
     fn a_silent_stream_is_not_waited_for() {
-        let mut lock = PhaseLock::default();
-        assert!(!lock.wants_look(0), "none has come yet");
-        lock.scan(b"^I$");
-        lock.end_tick(0);
-        assert!(lock.wants_look(0) && !lock.wants_look(MAX_LOOKS));
-        for _ in 0..PATIENCE {
-            lock.end_tick(MAX_LOOKS);
+        let mut awaited = Awaited::default();
+        assert!(!wants_look(awaited.due(), 0), "none has come yet");
+        awaited.arrive();
+        awaited.end_tick();
+        assert!(wants_look(awaited.due(), 0) && !wants_look(awaited.due(), MAX_LOOKS));
+        for _ in 0..10 {
+            awaited.end_tick();
         }
-        assert!(!lock.wants_look(0));
+        assert!(!wants_look(awaited.due(), 0));
     }
 }

@@ -285,7 +285,7 @@ impl Worker {
         while let Ok(tick) = self.ticks.pop() {
             self.write(|log| log.tick(&tick));
             let _ = self.black_box.tick(&tick);
-            let time = tick.record.raw.time;
+            let time = tick.record.input.time;
             if time - self.flushed >= FLUSH {
                 self.flushed = time;
                 self.write(FlightLog::flush);

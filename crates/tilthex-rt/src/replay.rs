@@ -3,10 +3,8 @@
 use std::{collections::VecDeque, path::Path};
 
 use prost::Message;
-use tilthex_core::{
-    PoseSample,
-    flight::{Flight, HostFacts, TickInput, TickOutput},
-};
+use tilthex_core::{PoseSample, flight::HostFacts};
+use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
 
 use crate::{
     Failure,
@@ -46,7 +44,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
         return Err("is no MCAP log of a flight: no set-up is attached".into());
     }
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| e.to_string())?;
-    let params = config.flight_params(attachments.take_off).map_err(|e| e.to_string())?;
+    let params = config.linked_params(attachments.take_off).map_err(|e| e.to_string())?;
     let limits = config.mission.limits();
     let route = attachments.trajectory.map(|text| orders::parse_route(&text, &limits)).transpose()?;
     let mut lines = VecDeque::new();
@@ -57,10 +55,10 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     })
     .map_err(|e| format!("is no MCAP file: {e}"))?;
     let mut replayer = Replayer {
-        flight: Flight::new(params, route).map_err(|e| e.to_string())?,
-        orders: Orders::new(limits, params.controller.admittance),
+        linked: LinkedFlight::new(params, route).map_err(|e| e.to_string())?,
+        orders: Orders::new(limits, params.flight.controller.admittance),
         lines,
-        rotor_count: params.vehicle.rotor_count(),
+        rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),
         recorded: Vec::new(),
         found: Replay::default(),
@@ -75,11 +73,11 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
 }
 
 struct Replayer {
-    flight: Flight,
+    linked: LinkedFlight,
     orders: Orders,
     lines: VecDeque<String>,
     rotor_count: usize,
-    out: Box<TickOutput>,
+    out: Box<LinkedOutput>,
     /// The messages of the tick that is being read.
     recorded: Vec<(String, Vec<u8>)>,
     found: Replay,
@@ -123,16 +121,16 @@ impl Replayer {
         let poses: Option<Vec<PoseSample>> = input.poses.iter().map(pose_from).collect();
         let poses = poses.ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
         let host = HostFacts { land: input.land, link_lost: input.link_lost, log_lost: input.log_lost };
-        let tick = TickInput {
+        let tick = WireInput {
             time: input.time,
             bytes: &input.link,
             poses: &poses,
             command: command.as_ref(),
             host,
         };
-        self.flight.tick(&tick, &mut self.out);
+        self.linked.tick(&tick, &mut self.out);
         self.found.ticks += 1;
-        let again = TickMessages::new(&self.out.record, self.rotor_count).encoded();
+        let again = TickMessages::new(&self.out.commanded.record, &self.out.wire, self.rotor_count).encoded();
         if again.len() != recorded.len() {
             return Err(format!(
                 "tick {} has {} messages; expected {}",

@@ -105,7 +105,7 @@ impl Statistics {
         if timing.imu_to_command > 0 {
             self.imu_to_command.record(timing.imu_to_command);
         }
-        if let Some((_, text)) = record.text {
+        if let Some((_, text)) = tick.wire.text {
             self.last_text = Some(text.to_string());
         }
         self.flew |= record.phase.in_flight();
@@ -122,7 +122,7 @@ impl Statistics {
         self.tracking.add(record.position_error_w.norm());
         let Some(truth) = self.truth.filter(|_| record.compliant) else { return };
         self.force.add((record.wrench_tool_w.force - truth.tool_wrench_w.force).norm());
-        self.push(record.raw.time, &truth, &(truth.tool_position_w - record.setpoint.position_w));
+        self.push(record.input.time, &truth, &(truth.tool_position_w - record.setpoint.position_w));
     }
 
     fn push(&mut self, now: f64, truth: &Truth, deflection_w: &Vector3) {

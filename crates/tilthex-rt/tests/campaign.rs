@@ -2,10 +2,8 @@
 
 use std::path::Path;
 
-use tilthex_core::{
-    flight::Flight,
-    supervisor::{Fault, Reaction},
-};
+use tilthex_core::supervisor::{Fault, Reaction};
+use tilthex_link::LinkedFlight;
 use tilthex_rt::{
     campaign::{self, Injection, Kind, World},
     config::Config,
@@ -14,7 +12,7 @@ use tilthex_rt::{
 
 fn hovering() -> World {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    campaign::hover(config.flight_params(true).expect("valid")).expect("it hovers")
+    campaign::hover(config.linked_params(true).expect("valid")).expect("it hovers")
 }
 
 fn injection(kind: Kind, duration: f64) -> Injection {
@@ -61,12 +59,12 @@ fn faults_are_seen_and_answered_as_the_table_says() {
 #[test]
 fn the_judge_sees_a_vehicle_that_flies_away() {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let params = config.flight_params(true).expect("valid");
-    let mut simulated = SimulationParams::new(params.vehicle);
+    let params = config.linked_params(true).expect("valid");
+    let mut simulated = SimulationParams::new(params.flight.vehicle);
     // More than its rotors can hold against.
     let push = Push { at: 10.0, duration: 20.0, force: [60.0, 0.0, 0.0], torque: [0.0; 3] };
     simulated.pushes = Pushes::new(vec![push]);
-    let world = World::new(Simulation::new(simulated), Flight::new(params, None).expect("valid"), 1);
+    let world = World::new(Simulation::new(simulated), LinkedFlight::new(params, None).expect("valid"), 1);
     let failure = campaign::fly(world, vec![], 1).failure.expect("seen");
     assert!(failure.contains("flew away"), "{failure}");
 }

@@ -5,9 +5,10 @@
 use std::path::Path;
 use tilthex_core::{
     PoseSample,
-    flight::{Flight, HostFacts, Record, TickInput, TickOutput},
+    flight::{HostFacts, Record},
     supervisor::{Fault, Phase},
 };
+use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
 use tilthex_rt::{
     config::Config,
     sim::{Push, Pushes, Simulation, SimulationParams},
@@ -16,8 +17,8 @@ use tilthex_rt::{
 /// A host and a vehicle on virtual time.
 struct World {
     simulation: Simulation,
-    flight: Flight,
-    out: TickOutput,
+    linked: LinkedFlight,
+    out: LinkedOutput,
     to_host: Vec<u8>,
     poses: Vec<PoseSample>,
     capture: bool,
@@ -29,13 +30,13 @@ struct World {
 impl World {
     fn new(pushes: Vec<Push>) -> Self {
         let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).unwrap();
-        let params = config.flight_params(true).unwrap();
-        let mut simulated = SimulationParams::new(params.vehicle);
+        let params = config.linked_params(true).unwrap();
+        let mut simulated = SimulationParams::new(params.flight.vehicle);
         simulated.pushes = Pushes::new(pushes);
         Self {
             simulation: Simulation::new(simulated),
-            flight: Flight::new(params, None).unwrap(),
-            out: TickOutput::default(),
+            linked: LinkedFlight::new(params, None).unwrap(),
+            out: LinkedOutput::default(),
             to_host: Vec::new(),
             poses: Vec::new(),
             capture: true,
@@ -58,15 +59,15 @@ impl World {
         }
         let n = self.to_host.len().min(512);
         let input =
-            TickInput { time, bytes: &self.to_host[..n], poses: &self.poses, command: None, host: self.host };
-        let before = self.flight.supervisor().phase();
-        self.flight.tick(&input, &mut self.out);
+            WireInput { time, bytes: &self.to_host[..n], poses: &self.poses, command: None, host: self.host };
+        let before = self.linked.flight.supervisor().phase();
+        self.linked.tick(&input, &mut self.out);
         self.to_host.drain(..n);
         self.poses.clear();
         let mut answer = Vec::new();
-        self.simulation.receive(self.out.bytes(), &mut answer);
+        self.simulation.receive(self.out.wire.sent.bytes(), &mut answer);
         self.to_host.extend(answer);
-        let record = self.out.record;
+        let record = self.out.commanded.record;
         if self.verbose && (record.phase != before || self.ticks.is_multiple_of(500)) {
             let names: Vec<_> = record.faults.rows().map(|r| r.name).collect();
             let truth = self.simulation.truth();
@@ -80,16 +81,16 @@ impl World {
                 record.wrench_robot.force.as_slice(),
                 record.wrench_tool_w.force.as_slice(),
                 names,
-                self.flight.start_refused().map(|e| e.to_string()).unwrap_or_default()
+                self.linked.flight.start_refused().map(|e| e.to_string()).unwrap_or_default()
             );
         }
         record
     }
 
-    fn until(&mut self, seconds: f64, mut done: impl FnMut(&Flight) -> bool) -> bool {
+    fn until(&mut self, seconds: f64, mut done: impl FnMut(&LinkedFlight) -> bool) -> bool {
         for _ in 0..(seconds * 500.0) as usize {
             self.tick();
-            if done(&self.flight) {
+            if done(&self.linked) {
                 return true;
             }
         }
@@ -97,12 +98,12 @@ impl World {
     }
 
     fn fly(&mut self) {
-        assert!(self.until(30.0, |f| f.on_mission()), "{:?}", self.flight.supervisor());
+        assert!(self.until(30.0, |f| f.flight.on_mission()), "{:?}", self.linked.flight.supervisor());
     }
 
     fn land(&mut self) {
         self.host.land = true;
-        assert!(self.until(20.0, Flight::finished), "{:?}", self.flight.supervisor());
+        assert!(self.until(20.0, LinkedFlight::finished), "{:?}", self.linked.flight.supervisor());
         assert!(self.simulation.stands());
     }
 }
@@ -117,9 +118,14 @@ fn it_takes_off_hovers_yields_and_lands() {
     let pushed = world.simulation.truth().tool_position_w;
     let deflection = pushed.x - start.x;
     assert!((deflection - 0.2).abs() < 0.01, "{deflection}");
-    assert_eq!(world.flight.supervisor().phase(), Phase::Flying, "{:?}", world.flight.supervisor());
+    assert_eq!(
+        world.linked.flight.supervisor().phase(),
+        Phase::Flying,
+        "{:?}",
+        world.linked.flight.supervisor()
+    );
     world.land();
-    assert_eq!(world.flight.supervisor().ended_by(), Some(Fault::Operator));
+    assert_eq!(world.linked.flight.supervisor().ended_by(), Some(Fault::Operator));
 }
 
 #[test]
@@ -127,12 +133,12 @@ fn it_holds_lands_and_descends_as_the_pose_stays_away() {
     let mut world = World::new(vec![]);
     world.fly();
     world.capture = false;
-    assert!(world.until(0.2, |f| f.supervisor().phase() == Phase::Holding));
+    assert!(world.until(0.2, |f| f.flight.supervisor().phase() == Phase::Holding));
     world.capture = true;
-    assert!(world.until(1.0, |f| f.supervisor().phase() == Phase::Flying));
+    assert!(world.until(1.0, |f| f.flight.supervisor().phase() == Phase::Flying));
     world.capture = false;
-    assert!(world.until(1.0, |f| f.supervisor().phase() == Phase::Landing));
-    assert!(world.until(3.0, |f| f.supervisor().phase() == Phase::Emergency));
-    assert!(world.until(20.0, Flight::finished), "{:?}", world.flight.supervisor());
+    assert!(world.until(1.0, |f| f.flight.supervisor().phase() == Phase::Landing));
+    assert!(world.until(3.0, |f| f.flight.supervisor().phase() == Phase::Emergency));
+    assert!(world.until(20.0, LinkedFlight::finished), "{:?}", world.linked.flight.supervisor());
     assert!(world.simulation.stands());
 }

@@ -10,7 +10,7 @@ use std::{
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rtrb::RingBuffer;
-use tilthex_core::flight::Flight;
+use tilthex_link::LinkedFlight;
 use tilthex_rt::{
     config::Config,
     control_loop::{ControlLoop, End, LoopParams},
@@ -29,7 +29,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 #[test]
 fn the_loop_never_allocates() {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let params = config.flight_params(true).expect("valid");
+    let params = config.linked_params(true).expect("valid");
     let up_axis = config.mocap.up_axis().expect("valid");
     let (mut capture, uri) = Capture::on_loopback(up_axis, LineParams::default()).expect("a free port");
     let mut cycle = 0_u64;
@@ -39,7 +39,7 @@ fn the_loop_never_allocates() {
             capture.show(at, simulation);
         }
     };
-    let simulation = Simulation::new(SimulationParams::new(params.vehicle));
+    let simulation = Simulation::new(SimulationParams::new(params.flight.vehicle));
     let server = Server::start(simulation, Box::new(observer)).expect("a pseudo-terminal");
     let directory = tempfile::tempdir().expect("a directory");
     let log = directory.path().join("flight.mcap");
@@ -52,7 +52,7 @@ fn the_loop_never_allocates() {
     .expect("starts");
     let (_client, poses) =
         Client::start(&uri, ClientParams { up_axis, latency: 0.0 }).expect("the capture is there");
-    let mut orders = Orders::new(config.mission.limits(), params.controller.admittance);
+    let mut orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
     let (mut give, commands) = RingBuffer::new(8);
     for line in [
         r#"{"command": "set_admittance", "stiffness": [8, 8, 8, 10, 10, 5]}"#,
@@ -62,7 +62,7 @@ fn the_loop_never_allocates() {
         give.push(orders.parse(line).expect("valid")).expect("room");
     }
     let mut control_loop = ControlLoop {
-        flight: Flight::new(params, None).expect("valid"),
+        linked: LinkedFlight::new(params, None).expect("valid"),
         port: Port::open(server.path().to_str().expect("plain"), 0).expect("opens"),
         poses,
         commands,

@@ -29,7 +29,7 @@ fn params(directory: &Path, log: &Path) -> RecorderParams {
 
 fn tick(number: u64) -> Tick {
     let mut record = Record { tick: number, phase: Phase::Flying, ..Record::default() };
-    record.raw.time = 1.0 + number as f64 * 0.002;
+    record.input.time = 1.0 + number as f64 * 0.002;
     Tick { record, ..Tick::default() }
 }
 

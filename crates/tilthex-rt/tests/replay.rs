@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use tilthex_core::{flight::Flight, supervisor::Phase};
+use tilthex_core::supervisor::Phase;
+use tilthex_link::LinkedFlight;
 use tilthex_rt::{
     campaign::{Injection, Kind, World},
     config::Config,
@@ -25,10 +26,10 @@ const ORDERS: [(f64, &str); 3] = [
 /// The log of a faulty flight with orders and a trajectory, and `attached` as its set-up.
 fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let params = config.flight_params(true).expect("valid");
+    let params = config.linked_params(true).expect("valid");
     let route = orders::parse_route(TRAJECTORY, &config.mission.limits()).expect("valid");
-    let flight = Flight::new(params, Some(route)).expect("valid");
-    let mut world = World::new(Simulation::new(SimulationParams::new(params.vehicle)), flight, 3);
+    let linked = LinkedFlight::new(params, Some(route)).expect("valid");
+    let mut world = World::new(Simulation::new(SimulationParams::new(params.flight.vehicle)), linked, 3);
     let fault = |kind, begin, duration| Injection { kind, begin, duration, strength: 0.6, index: 1 };
     world.inject(
         vec![
@@ -43,10 +44,10 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let attachments =
         Attachments { config: attached(&config), trajectory: Some(TRAJECTORY.into()), take_off: true };
     let mut log = FlightLog::new(Vec::new(), Index::Written, Epoch::now(), 6, &attachments).expect("begins");
-    let mut orders = Orders::new(config.mission.limits(), params.controller.admittance);
+    let mut orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
     let mut pending = ORDERS.iter().peekable();
     let mut phases = Vec::new();
-    while world.now() < 40.0 && !world.flight.finished() {
+    while world.now() < 40.0 && !world.linked.finished() {
         let line = pending.peek().filter(|(time, _)| world.now() >= *time).map(|(_, line)| *line);
         let command = line.map(|line| orders.parse(line).expect("valid"));
         if world.tick(command.as_ref()) {
@@ -54,7 +55,7 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
                 pending.next();
                 log.command(world.now(), line).expect("logged");
             }
-            log.tick(&Tick { record: *world.record(), timing: Timing::default() }).expect("logged");
+            log.tick(&Tick::new(world.output(), Timing::default())).expect("logged");
             if phases.last() != Some(&world.record().phase) {
                 phases.push(world.record().phase);
             }

@@ -2,10 +2,10 @@
 
 use tilthex_core::{
     Matrix3, Vector3, Vehicle,
-    link::tk3::{HostMessage, ImuScales, MAX_FRAME, MotorValues, Receiver, Stream, VehicleMessage},
     plant::SensorParams,
     vehicle::{Mounting, TiltedHexarotor},
 };
+use tilthex_link::tk3::{HostMessage, ImuScales, MAX_FRAME, MotorValues, Receiver, Stream, VehicleMessage};
 use tilthex_rt::{
     port::Port,
     sim::{Server, Simulation, SimulationParams},

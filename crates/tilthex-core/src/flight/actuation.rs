@@ -1,6 +1,6 @@
 //! From the state to what the rotors are asked, and to the bytes that ask it.
 
-use super::{Flight, guidance::Descent, io::TickOutput, watch::MAX_VELOCITY_DEVIATION};
+use super::{Flight, guidance::Descent, io::MotorCommand, watch::MAX_VELOCITY_DEVIATION};
 use crate::{
     controller::{ControllerInput, ControllerState},
     so3,
@@ -115,22 +115,18 @@ impl Flight {
         finite
     }
 
-    /// Writes what the vehicle is told.
-    pub(super) fn send(&mut self, now: f64, out: &mut TickOutput) {
-        let phase = self.supervisor.phase();
-        match phase {
-            Phase::Disarmed => self.session.send_stop(now, out),
-            Phase::Starting => {
-                self.session.send_speeds(&self.command, out);
-                self.session.send_start(now, out);
-            }
+    /// What the motors shall do in this phase.
+    pub(super) fn motor_command(&self) -> MotorCommand {
+        match self.supervisor.phase() {
+            Phase::Disarmed => MotorCommand::Stop,
+            Phase::Starting => MotorCommand::Start(self.command),
             Phase::Grounded | Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                self.session.send_speeds(&self.command, out);
                 if self.supervisor.active().contains(Fault::Reboot) {
-                    self.session.send_start(now, out);
+                    MotorCommand::Start(self.command)
+                } else {
+                    MotorCommand::Turn(self.command)
                 }
             }
         }
-        self.session.talk(now, out);
     }
 }

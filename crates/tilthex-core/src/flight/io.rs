@@ -1,17 +1,13 @@
 //! What goes into a tick and what comes out of it.
 
-use super::record::Record;
+use super::{Telemetry, record::Record};
 use crate::{
     Error,
     admittance::AdmittanceFilter,
     trajectory::{Limits, MAX_WAYPOINTS, Trajectory, Waypoint},
-    types::{PoseSample, Setpoint, Wrench},
+    types::{PoseSample, RotorVector, Setpoint, Wrench},
 };
 
-/// Most bytes a tick takes from the link: five times what the vehicle sends in a period.
-pub const MAX_BYTES_IN: usize = 512;
-/// Most bytes a tick sends.
-pub const MAX_BYTES_OUT: usize = 128;
 /// Most poses a tick takes in.
 pub const MAX_POSES: usize = 4;
 
@@ -86,13 +82,13 @@ pub struct HostFacts {
     pub log_lost: bool,
 }
 
-/// Everything a tick may depend on. The same inputs give the same outputs, bit for bit.
+/// Everything that a tick may depend on. The same inputs give the same outputs, bit for bit.
 #[derive(Clone, Copy, Debug)]
-pub struct TickInput<'a> {
+pub struct Measured<'a> {
     /// Now, s, monotonic.
     pub time: f64,
-    /// Bytes read from the link since the last tick, at most [`MAX_BYTES_IN`].
-    pub bytes: &'a [u8],
+    /// What the vehicle has said of itself.
+    pub telemetry: &'a Telemetry,
     /// Poses that have arrived since the last tick, at most [`MAX_POSES`].
     pub poses: &'a [PoseSample],
     /// An order.
@@ -101,38 +97,28 @@ pub struct TickInput<'a> {
     pub host: HostFacts,
 }
 
-/// What a tick gives: bytes for the link, and a record of all it did.
+/// What the motors shall do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MotorCommand {
+    /// Every motor shall stand still.
+    Stop,
+    /// Motors that do not spin shall start; those that do shall turn at these speeds, Hz.
+    Start(RotorVector),
+    /// Motors that spin shall turn at these speeds, Hz. No motor starts or stops.
+    Turn(RotorVector),
+}
+
+/// What a tick gives: what the motors shall do, and a record of all it did.
 #[derive(Clone, Copy, Debug)]
-pub struct TickOutput {
-    buffer: [u8; MAX_BYTES_OUT],
-    length: usize,
+pub struct Commanded {
+    /// For the link.
+    pub motors: MotorCommand,
     /// For the log.
     pub record: Record,
 }
 
-impl Default for TickOutput {
+impl Default for Commanded {
     fn default() -> Self {
-        Self { buffer: [0; MAX_BYTES_OUT], length: 0, record: Record::default() }
-    }
-}
-
-impl TickOutput {
-    /// The bytes to write, whole frames.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        self.buffer.get(..self.length).unwrap_or(&[])
-    }
-
-    /// Empties it.
-    pub(super) fn clear(&mut self) {
-        self.length = 0;
-    }
-
-    /// Appends a frame that `encode` writes and returns the length of; one that
-    /// does not fit is left out whole.
-    pub(super) fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
-        if let Some(free) = self.buffer.get_mut(self.length..) {
-            self.length += encode(free);
-        }
+        Self { motors: MotorCommand::Stop, record: Record::default() }
     }
 }

@@ -1,5 +1,5 @@
-//! The whole tick, bytes in and bytes out: link, estimator, supervisor,
-//! guidance, controller, command.
+//! The whole tick, from what was measured to what the motors shall do:
+//! estimator, supervisor, guidance, controller. It knows no link and no bytes.
 //!
 //! It depends on nothing but its inputs: the real-time loop, the fault campaign
 //! on virtual time and the replay of a log run this same code and get the same
@@ -7,23 +7,19 @@
 
 mod actuation;
 mod guidance;
-mod imu_reader;
-mod imu_stream;
 mod io;
 mod record;
 mod rotors;
 mod sensing;
-mod session;
+mod telemetry;
 mod thrust;
 mod touchdown;
 mod watch;
 
 pub use guidance::GuidanceParams;
-pub use imu_reader::ImuReader;
-pub use imu_stream::Inertial;
-pub use io::{Command, HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, Route, TickInput, TickOutput};
-pub use record::{LinkCounters, RawInput, Record};
-pub use session::SessionParams;
+pub use io::{Command, Commanded, HostFacts, MAX_POSES, Measured, MotorCommand, Route};
+pub use record::{InputRecord, LinkCounters, Record};
+pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
 
 use crate::{
@@ -31,13 +27,11 @@ use crate::{
     admittance::AdmittanceState,
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
-    link::tk3::Identity,
     supervisor::{Facts, Fault, Phase, Supervisor},
     types::{RotorVector, Setpoint},
 };
 use guidance::Guidance;
 use rotors::RotorModel;
-use session::Session;
 use thrust::ThrustWatch;
 use touchdown::Touchdown;
 use watch::Watch;
@@ -51,8 +45,6 @@ pub struct FlightParams {
     pub controller: ControllerParams,
     /// The state estimator.
     pub estimator: EstimatorParams,
-    /// The vehicle's streams.
-    pub session: SessionParams,
     /// Take-off, bias hover, landing.
     pub guidance: GuidanceParams,
     /// Limits whose crossing is a fault.
@@ -66,7 +58,7 @@ const IMU_LATE: f64 = 6e-3;
 /// Periods longer than this are cut for the laws' integrators, s.
 const LONGEST_STEP: f64 = 0.1;
 
-/// A flight, from the first byte to the motors' stop.
+/// A flight, from the first tick to the motors' stop.
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: FlightParams,
@@ -74,7 +66,6 @@ pub struct Flight {
     control: ControllerState,
     estimator: Estimator,
     start_refused: Option<StartError>,
-    session: Session,
     guidance: Guidance,
     route: Option<Route>,
     watch: Watch,
@@ -117,7 +108,6 @@ impl Flight {
             control: ControllerState::default(),
             estimator: Estimator::new(params.estimator)?,
             start_refused: None,
-            session: Session::new(params.session, vehicle.rotor_count())?,
             guidance: Guidance::new(params.guidance),
             route,
             watch: Watch::new(params.watch),
@@ -150,18 +140,6 @@ impl Flight {
         &self.supervisor
     }
 
-    /// Who the vehicle says it is.
-    #[must_use]
-    pub fn identity(&self) -> Option<Identity> {
-        self.session.identity()
-    }
-
-    /// Whether no known vehicle has answered the identity requests.
-    #[must_use]
-    pub fn no_vehicle(&self) -> bool {
-        self.session.refused()
-    }
-
     /// Why the estimator has not started yet.
     #[must_use]
     pub fn start_refused(&self) -> Option<StartError> {
@@ -186,30 +164,22 @@ impl Flight {
         self.guidance.ready()
     }
 
-    /// Whether the vehicle flew, stands again, and its motors have stopped.
-    #[must_use]
-    pub fn finished(&self) -> bool {
-        self.supervisor.landed() && !self.session.any_spinning()
-    }
-
     /// One tick: reads, estimates, supervises, controls, and says what to send.
-    pub fn tick(&mut self, input: &TickInput<'_>, out: &mut TickOutput) {
+    pub fn tick(&mut self, input: &Measured<'_>, out: &mut Commanded) {
         let now = input.time;
         let period = self.time.replace(now).map_or(0.0, |last| (now - last).max(0.0));
         let dt = period.min(LONGEST_STEP);
-        out.clear();
-        self.session.receive(input.bytes, now);
         self.rotor_model.set_garbled(self.supervisor.active().contains(Fault::LinkGarbage));
         self.rotor_model.step(&self.command, !input.host.link_lost, period);
-        let rotor_speeds = self.rotor_model.speeds(self.session.motors(), now);
+        let rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now);
         let before = self.estimator.robot_state();
         self.estimate(input, &rotor_speeds, dt);
         self.absorb_jump(&before, dt);
         self.obey(input.command);
         self.supervise(input, &rotor_speeds, period, dt);
         self.control(&rotor_speeds, dt);
-        self.send(now, out);
-        self.record(input, period, &rotor_speeds, out);
+        out.motors = self.motor_command();
+        self.record(input, period, &rotor_speeds, &mut out.record);
         self.tick += 1;
     }
 
@@ -237,9 +207,9 @@ impl Flight {
         }
     }
 
-    fn supervise(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
+    fn supervise(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
         let before = self.supervisor.phase();
-        let motors = self.session.motors();
+        let motors = input.telemetry.motors();
         let stopped = self.rotor_model.stopped(motors, input.time);
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
         let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);
@@ -249,7 +219,7 @@ impl Flight {
                 now: input.time,
                 period,
                 phase: before,
-                session: &self.session,
+                telemetry: input.telemetry,
                 estimator: &self.estimator,
                 output: self.output.as_ref(),
                 stopped,
@@ -265,11 +235,11 @@ impl Flight {
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         let facts = Facts {
-            link_ready: self.session.ready(input.time),
+            link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized(),
-            all_spinning: self.session.all_spinning(),
+            all_spinning: input.telemetry.all_spinning(),
             ramp_done: self.ramp >= actuation::RAMP,
-            touchdown: self.touchdown(rotor_speeds, input.time, dt),
+            touchdown: self.touchdown(input, rotor_speeds, dt),
             take_off: self.take_off,
             kill: self.kill,
         };
@@ -332,7 +302,7 @@ impl Flight {
     }
 
     /// Whether the ground carries the vehicle, by the last tick's forces.
-    fn touchdown(&mut self, rotor_speeds: &RotorVector, now: f64, dt: f64) -> bool {
+    fn touchdown(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) -> bool {
         let descends = matches!(self.supervisor.phase(), Phase::Landing | Phase::Emergency);
         let Some(output) = self.output.as_ref().filter(|_| descends) else {
             self.touchdown = Touchdown::default();
@@ -344,7 +314,8 @@ impl Flight {
         let weight = self.params.vehicle.mass() * crate::GRAVITY;
         let seen = touchdown::Seen {
             missing: weight - (thrust_w + bias_w).z,
-            observed_w: (self.session.imu().age(now) < IMU_LATE).then(|| output.wrench_robot.force - bias_w),
+            observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)
+                .then(|| output.wrench_robot.force - bias_w),
             velocity: robot.velocity_w.z,
             toppled: self.supervisor.active().contains(Fault::Tilt),
             adrift: self.adrift,

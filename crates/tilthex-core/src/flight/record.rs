@@ -2,23 +2,18 @@
 
 use super::{
     Flight,
-    io::{HostFacts, MAX_BYTES_IN, MAX_BYTES_OUT, MAX_POSES, TickInput, TickOutput},
+    io::{HostFacts, MAX_POSES, Measured},
 };
 use crate::{
-    link::tk3::{Severity, Text},
     supervisor::{FaultSet, Phase},
     types::{Matrix3, PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
 
-/// The inputs of a tick as they came: enough to run it again.
+/// The inputs of a tick as they came; with the bytes of its link it can be run again.
 #[derive(Clone, Copy, Debug)]
-pub struct RawInput {
+pub struct InputRecord {
     /// Now, s, monotonic.
     pub time: f64,
-    /// Bytes from the link.
-    pub bytes: [u8; MAX_BYTES_IN],
-    /// How many of them.
-    pub byte_count: u16,
     /// Captured poses.
     pub poses: [PoseSample; MAX_POSES],
     /// How many of them.
@@ -29,13 +24,7 @@ pub struct RawInput {
     pub host: HostFacts,
 }
 
-impl RawInput {
-    /// The bytes from the link.
-    #[must_use]
-    pub fn bytes(&self) -> &[u8] {
-        self.bytes.get(..usize::from(self.byte_count)).unwrap_or(&[])
-    }
-
+impl InputRecord {
     /// The captured poses.
     #[must_use]
     pub fn poses(&self) -> &[PoseSample] {
@@ -68,7 +57,7 @@ pub struct Record {
     /// Time since the last tick, s.
     pub dt: f64,
     /// The inputs as they came.
-    pub raw: RawInput,
+    pub input: InputRecord,
     /// Phase after the tick.
     pub phase: Phase,
     /// Faults that last.
@@ -121,12 +110,6 @@ pub struct Record {
     pub counters: LinkCounters,
     /// Inertial samples taken in this tick.
     pub imu_samples: u8,
-    /// A text from the vehicle.
-    pub text: Option<(Severity, Text)>,
-    /// The bytes sent.
-    pub sent: [u8; MAX_BYTES_OUT],
-    /// How many of them.
-    pub sent_count: u8,
 }
 
 impl Default for Record {
@@ -143,10 +126,8 @@ impl Default for Record {
         Self {
             tick: 0,
             dt: 0.0,
-            raw: RawInput {
+            input: InputRecord {
                 time: 0.0,
-                bytes: [0; MAX_BYTES_IN],
-                byte_count: 0,
                 poses: [pose; MAX_POSES],
                 pose_count: 0,
                 command: false,
@@ -178,18 +159,7 @@ impl Default for Record {
             battery: f64::NAN,
             counters: LinkCounters::default(),
             imu_samples: 0,
-            text: None,
-            sent: [0; MAX_BYTES_OUT],
-            sent_count: 0,
         }
-    }
-}
-
-impl Record {
-    /// The bytes sent.
-    #[must_use]
-    pub fn sent(&self) -> &[u8] {
-        self.sent.get(..usize::from(self.sent_count)).unwrap_or(&[])
     }
 }
 
@@ -197,22 +167,18 @@ impl Flight {
     /// Writes down the tick.
     pub(super) fn record(
         &self,
-        input: &TickInput<'_>,
+        input: &Measured<'_>,
         period: f64,
         rotor_speeds: &RotorVector,
-        out: &mut TickOutput,
+        out: &mut Record,
     ) {
-        let mut raw = RawInput { time: input.time, host: input.host, ..Record::default().raw };
-        raw.command = input.command.is_some();
-        for (slot, byte) in raw.bytes.iter_mut().zip(input.bytes) {
-            *slot = *byte;
-        }
-        raw.byte_count = input.bytes.len().min(MAX_BYTES_IN) as u16;
-        for (slot, pose) in raw.poses.iter_mut().zip(input.poses) {
+        let mut taken = InputRecord { time: input.time, host: input.host, ..Record::default().input };
+        taken.command = input.command.is_some();
+        for (slot, pose) in taken.poses.iter_mut().zip(input.poses) {
             *slot = *pose;
         }
-        raw.pose_count = input.poses.len().min(MAX_POSES) as u8;
-        let mut record = Record { tick: self.tick, dt: period, raw, ..Record::default() };
+        taken.pose_count = input.poses.len().min(MAX_POSES) as u8;
+        let mut record = Record { tick: self.tick, dt: period, input: taken, ..Record::default() };
         record.phase = self.supervisor.phase();
         record.faults = self.supervisor.active();
         let estimator = &self.estimator;
@@ -239,15 +205,11 @@ impl Flight {
         }
         record.rotor_command = self.command;
         record.rotor_speeds = *rotor_speeds;
-        record.current = self.session.motors().iter().map(|m| m.current).sum();
-        record.battery = self.session.battery().unwrap_or(f64::NAN);
-        record.counters = self.watch.counters(&self.session);
-        record.imu_samples = self.session.imu().samples().len() as u8;
-        record.text = self.session.text();
-        for (slot, byte) in record.sent.iter_mut().zip(out.bytes()) {
-            *slot = *byte;
-        }
-        record.sent_count = out.bytes().len() as u8;
-        out.record = record;
+        let telemetry = input.telemetry;
+        record.current = telemetry.motors().iter().map(|m| m.current).sum();
+        record.battery = telemetry.battery.unwrap_or(f64::NAN);
+        record.counters = self.watch.counters(telemetry);
+        record.imu_samples = telemetry.inertial.samples().len() as u8;
+        *out = record;
     }
 }

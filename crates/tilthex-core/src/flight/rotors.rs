@@ -1,7 +1,7 @@
 //! What the rotors and the IMU should read: a model that checks the
 //! measurements, and stands in for them where they are missing.
 
-use super::session::Motor;
+use super::Motor;
 use crate::{
     Vehicle,
     filters::lag_fraction,

@@ -2,7 +2,7 @@
 
 use super::{
     Flight, IMU_LATE,
-    io::{MAX_POSES, TickInput},
+    io::{MAX_POSES, Measured},
     rotors::modelled_imu,
 };
 use crate::{
@@ -18,14 +18,15 @@ const JUMP: (f64, f64) = (0.03, 0.03);
 
 impl Flight {
     /// Feeds the estimator; where inertial samples are missing in flight, from the model.
-    pub(super) fn estimate(&mut self, input: &TickInput<'_>, rotor_speeds: &RotorVector, dt: f64) {
-        let samples = self.session.imu().samples();
+    pub(super) fn estimate(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
+        let inertial = &input.telemetry.inertial;
+        let samples = inertial.samples();
         let modelled = self.estimator.is_modelled();
         for s in samples {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
         }
-        let late = self.session.imu().age(input.time) > IMU_LATE;
+        let late = inertial.age(input.time) > IMU_LATE;
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
             let state = self.estimator.robot_state();
             let external = self.control.observer.wrench;
@@ -34,7 +35,7 @@ impl Flight {
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
             // What has just gone off its range is an impact, until it lasts.
             let broken = self.supervisor.active().contains(Fault::ImuSaturated);
-            let shaken = self.session.imu().saturated() && !broken;
+            let shaken = inertial.saturated && !broken;
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
         }

@@ -1,6 +1,6 @@
 //! The eyes of the supervisor: which fault conditions hold in this tick.
 
-use super::{io::HostFacts, record::LinkCounters, session::Session};
+use super::{Telemetry, io::HostFacts, record::LinkCounters};
 use crate::{
     controller::ControllerOutput,
     estimator::{Estimator, Health},
@@ -39,8 +39,8 @@ pub(super) struct Seen<'a> {
     pub(super) period: f64,
     /// Phase before this tick.
     pub(super) phase: Phase,
-    /// The link.
-    pub(super) session: &'a Session,
+    /// What the vehicle says of itself.
+    pub(super) telemetry: &'a Telemetry,
     /// The estimator.
     pub(super) estimator: &'a Estimator,
     /// The last tick's controller output.
@@ -106,13 +106,13 @@ impl Watch {
 
     /// Counters for the log.
     #[must_use]
-    pub(super) fn counters(&self, session: &Session) -> LinkCounters {
-        let c = session.counters();
+    pub(super) fn counters(&self, telemetry: &Telemetry) -> LinkCounters {
+        let c = &telemetry.link;
         LinkCounters {
             messages: c.messages,
-            refused_frames: c.refused(),
-            refused_samples: session.refused_samples(),
-            lost_samples: session.imu().lost(),
+            refused_frames: c.refused_frames,
+            refused_samples: c.refused_samples,
+            lost_samples: c.lost_samples,
             poses: self.poses.taken,
             refused_poses: self.poses.refused,
         }
@@ -132,35 +132,35 @@ impl Watch {
     }
 
     fn link(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
-        let s = seen.session;
-        let known = s.identity().is_some();
-        let age = s.imu().age(seen.now);
+        let s = seen.telemetry;
+        let known = s.link.identified;
+        let age = s.inertial.age(seen.now);
         set.insert_if(Fault::ImuLate, known && age > 0.006);
         set.insert_if(Fault::ImuSilent, known && age > 0.050);
-        set.insert_if(Fault::ImuFrozen, s.imu().frozen());
-        set.insert_if(Fault::ImuSaturated, s.imu().saturated());
-        set.insert_if(Fault::ImuOutOfRange, s.imu().refused_now());
-        set.insert_if(Fault::Reboot, s.rebooted());
+        set.insert_if(Fault::ImuFrozen, s.inertial.frozen);
+        set.insert_if(Fault::ImuSaturated, s.inertial.saturated);
+        set.insert_if(Fault::ImuOutOfRange, s.inertial.refused_now);
+        set.insert_if(Fault::Reboot, s.link.rebooted);
         let silent = known && s.silence(seen.now) > 1.0;
         set.insert_if(Fault::LinkLost, seen.host.link_lost || silent);
         // A leaky count: a tenth of the frames refused keeps it full.
-        let c = s.counters();
-        let bad = c.refused().wrapping_sub(self.refused);
+        let c = &s.link;
+        let bad = c.refused_frames.wrapping_sub(self.refused);
         let good = c.messages.wrapping_sub(self.messages);
-        (self.refused, self.messages) = (c.refused(), c.messages);
+        (self.refused, self.messages) = (c.refused_frames, c.messages);
         self.garbage = (self.garbage + f64::from(bad) - 0.1 * f64::from(good) - dt).clamp(0.0, 40.0);
         set.insert_if(Fault::LinkGarbage, self.garbage > 20.0);
         let p = &self.params;
-        let below = |limit: f64| s.battery().is_some_and(|v| v < limit);
+        let below = |limit: f64| s.battery.is_some_and(|v| v < limit);
         set.insert_if(Fault::BatteryLow, below(p.battery_low));
         set.insert_if(Fault::BatteryCritical, below(p.battery_critical));
     }
 
     fn motors(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
-        let s = seen.session;
+        let s = seen.telemetry;
         let running = seen.phase == Phase::Grounded || seen.phase.in_flight();
         let age = s.motor_age(seen.now);
-        let known = s.identity().is_some();
+        let known = s.link.identified;
         set.insert_if(Fault::MotorsStale, known && age > super::rotors::STALE);
         set.insert_if(Fault::MotorsSilent, known && age > 1.0);
         // Before the start the bit is cleared by the start command itself.

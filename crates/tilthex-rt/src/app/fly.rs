@@ -7,7 +7,8 @@ use std::{
 };
 
 use rtrb::RingBuffer;
-use tilthex_core::flight::{Command, Flight};
+use tilthex_core::flight::Command;
+use tilthex_link::LinkedFlight;
 
 use super::{Args, report, status};
 use crate::{
@@ -39,7 +40,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     for warning in config.warnings() {
         eprintln!("tilthex-rt: warning: {warning}");
     }
-    let params = config.flight_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
@@ -48,11 +49,12 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
         _ => None,
     };
-    let flight = Flight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
+    let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let land = signals::flag()?;
-    let (recorder, feed, truths) = Recorder::start(recorder_params(&config, trajectory, params.take_off))?;
+    let (recorder, feed, truths) =
+        Recorder::start(recorder_params(&config, trajectory, params.flight.take_off))?;
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
-    let orders = Orders::new(config.mission.limits(), params.controller.admittance);
+    let orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
     let control = match &args.control {
         Some(address) => {
             Some(ControlSocket::start(address, Dispatcher::new(orders, commands_in, recorder.observer()))?)
@@ -92,7 +94,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     };
     let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
     let control_loop = ControlLoop {
-        flight,
+        linked,
         port,
         poses,
         commands,

@@ -1,7 +1,7 @@
 //! The log of a campaign's flight: the loop's own ring, and a disk that may stand still.
 
 use rtrb::Consumer;
-use tilthex_core::flight::Record;
+use tilthex_link::LinkedOutput;
 
 use crate::{
     log::{Tick, Timing},
@@ -33,8 +33,8 @@ impl Clone for Disk {
 
 impl Disk {
     /// Records a tick, and writes what waits unless the disk stands still.
-    pub(super) fn record(&mut self, record: &Record, stands_still: bool) {
-        self.feed.push(&Tick { record: *record, timing: Timing::default() });
+    pub(super) fn record(&mut self, out: &LinkedOutput, stands_still: bool) {
+        self.feed.push(&Tick::new(out, Timing::default()));
         self.pushed += 1;
         while !stands_still && self.ticks.pop().is_ok() {
             self.written += 1;

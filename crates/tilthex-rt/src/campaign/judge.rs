@@ -2,9 +2,9 @@
 
 use tilthex_core::{
     Vector3,
-    link::tk3::{self, HostMessage, Receiver},
     supervisor::{FaultSet, Phase, Reaction, TABLE},
 };
+use tilthex_link::tk3::{self, HostMessage, Receiver};
 
 use super::{Injection, World};
 
@@ -165,6 +165,8 @@ impl Judge {
 
     /// Whether nothing more will happen: it lies on the ground and its host knows no more to do.
     pub(super) fn done(&self, world: &World) -> bool {
-        !self.flew && world.flight.supervisor().ended_by().is_some() && !world.record().phase.in_flight()
+        !self.flew
+            && world.linked.flight.supervisor().ended_by().is_some()
+            && !world.record().phase.in_flight()
     }
 }

@@ -19,10 +19,8 @@ use std::{
     },
 };
 
-use tilthex_core::{
-    flight::{Flight, FlightParams},
-    random::Random,
-};
+use tilthex_core::random::Random;
+use tilthex_link::{LinkedFlight, LinkedParams};
 
 pub use faults::{Injection, Kind};
 pub use judge::Outcome;
@@ -63,13 +61,13 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
     let mut judge = Judge::new(&world, injections);
     let begin = world.now();
     let mut on_mission_for = 0.0;
-    while world.now() - begin < LONGEST && !world.flight.finished() {
+    while world.now() - begin < LONGEST && !world.linked.finished() {
         if world.tick(None) {
             judge.look(&world);
         }
         judge.watch(&world);
         see(&world);
-        if world.flight.on_mission() {
+        if world.linked.flight.on_mission() {
             on_mission_for += 0.002;
         }
         world.host.land |= on_mission_for > MISSION || world.now() - begin > LONGEST - 20.0;
@@ -83,7 +81,7 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
         judge.watch(&world);
         see(&world);
     }
-    judge.outcome.ended = !judge.flew || (world.flight.finished() && world.simulation.rests());
+    judge.outcome.ended = !judge.flew || (world.linked.finished() && world.simulation.rests());
     judge.outcome.toppled = judge.outcome.ended && !world.simulation.stands();
     judge.outcome
 }
@@ -92,23 +90,23 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
 ///
 /// # Errors
 /// Where even a flight without faults does not get that far.
-pub fn hover(params: FlightParams) -> Result<World, Failure> {
+pub fn hover(params: LinkedParams) -> Result<World, Failure> {
     let mut world = ground(params, 1)?;
-    while !world.flight.on_mission() {
+    while !world.linked.flight.on_mission() {
         world.tick(None);
         if world.now() > 30.0 {
-            let phase = world.flight.supervisor().phase().name();
+            let phase = world.linked.flight.supervisor().phase().name();
             return Err(Failure::fault(format!("a flight without faults is still {phase} after 30 s")));
         }
     }
     Ok(world)
 }
 
-fn ground(params: FlightParams, seed: u64) -> Result<World, Failure> {
-    let flight = Flight::new(params, None).map_err(|e| Failure::usage(e.to_string()))?;
-    let mut simulated = SimulationParams::new(params.vehicle);
+fn ground(params: LinkedParams, seed: u64) -> Result<World, Failure> {
+    let linked = LinkedFlight::new(params, None).map_err(|e| Failure::usage(e.to_string()))?;
+    let mut simulated = SimulationParams::new(params.flight.vehicle);
     simulated.seed = seed;
-    Ok(World::new(Simulation::new(simulated), flight, seed))
+    Ok(World::new(Simulation::new(simulated), linked, seed))
 }
 
 /// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor.
@@ -116,7 +114,7 @@ fn ground(params: FlightParams, seed: u64) -> Result<World, Failure> {
 /// # Errors
 /// Where the set-up can not fly even without faults.
 pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Summary, Failure> {
-    let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(true).map_err(|e| Failure::usage(e.to_string()))?;
     let hovering = hover(params)?;
     let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
     let worker = |hovering: World| {
@@ -144,7 +142,7 @@ pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Su
 /// # Errors
 /// Where the set-up can not fly even without faults.
 pub fn again(config: &Config, kinds: &[Kind], seed: u64) -> Result<(Outcome, String), Failure> {
-    let params = config.flight_params(true).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(true).map_err(|e| Failure::usage(e.to_string()))?;
     let mut story = Story::default();
     let outcome = one(params, &hover(params)?, kinds, seed, &mut |world| story.see(world));
     Ok((outcome, story.text()))
@@ -152,7 +150,7 @@ pub fn again(config: &Config, kinds: &[Kind], seed: u64) -> Result<(Outcome, Str
 
 /// The flight of one seed.
 fn one(
-    params: FlightParams,
+    params: LinkedParams,
     hovering: &World,
     kinds: &[Kind],
     seed: u64,

@@ -4,10 +4,11 @@
 use std::collections::VecDeque;
 
 use tilthex_core::{
-    flight::{Command, Flight, HostFacts, MAX_BYTES_IN, MAX_POSES, Record, TickInput, TickOutput},
+    flight::{Command, HostFacts, MAX_POSES, Record},
     random::Random,
     types::PoseSample,
 };
+use tilthex_link::{LinkedFlight, LinkedOutput, MAX_BYTES_IN, WireInput};
 
 use super::{
     disk::Disk,
@@ -31,13 +32,13 @@ const EPOCH: f64 = 100.0;
 pub struct World {
     /// The vehicle.
     pub simulation: Simulation,
-    /// Its controller.
-    pub flight: Flight,
+    /// Its controller, behind its link.
+    pub linked: LinkedFlight,
     /// What only the host can see.
     pub host: HostFacts,
     /// What is done to them.
     pub injections: Vec<Injection>,
-    out: TickOutput,
+    out: LinkedOutput,
     to_host: Vec<u8>,
     poses: VecDeque<PoseSample>,
     last_imu: Vec<u8>,
@@ -51,13 +52,13 @@ pub struct World {
 impl World {
     /// A flight that begins, without faults.
     #[must_use]
-    pub fn new(simulation: Simulation, flight: Flight, seed: u64) -> Self {
+    pub fn new(simulation: Simulation, linked: LinkedFlight, seed: u64) -> Self {
         Self {
             simulation,
-            flight,
+            linked,
             host: HostFacts::default(),
             injections: Vec::new(),
-            out: TickOutput::default(),
+            out: LinkedOutput::default(),
             to_host: Vec::new(),
             poses: VecDeque::new(),
             last_imu: Vec::new(),
@@ -89,7 +90,7 @@ impl World {
     /// The bytes that the last tick sent.
     #[must_use]
     pub fn sent(&self) -> &[u8] {
-        self.out.bytes()
+        self.out.wire.sent.bytes()
     }
 
     /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
@@ -102,10 +103,16 @@ impl World {
         }
     }
 
+    /// What the last tick gave.
+    #[must_use]
+    pub fn output(&self) -> &LinkedOutput {
+        &self.out
+    }
+
     /// The record of the last tick.
     #[must_use]
     pub fn record(&self) -> &Record {
-        &self.out.record
+        &self.out.commanded.record
     }
 
     /// One period: the vehicle's, and the controller's where its program runs.
@@ -184,11 +191,11 @@ impl World {
             poses.extend(self.poses.pop_front());
         }
         let input =
-            TickInput { time, bytes: &self.to_host[..count], poses: &poses, command, host: self.host };
-        self.flight.tick(&input, &mut self.out);
-        self.disk.record(&self.out.record, self.is_active(Kind::DiskSlow));
+            WireInput { time, bytes: &self.to_host[..count], poses: &poses, command, host: self.host };
+        self.linked.tick(&input, &mut self.out);
+        self.disk.record(&self.out, self.is_active(Kind::DiskSlow));
         self.to_host.drain(..count);
-        let mut command = self.out.bytes().to_vec();
+        let mut command = self.sent().to_vec();
         for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
             match injection.kind {
                 Kind::BitFlips => injection.flip_bits(&mut command, &mut self.random),

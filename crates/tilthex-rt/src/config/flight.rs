@@ -5,11 +5,11 @@ use crate::mocap::ClientParams;
 use tilthex_core::{
     error::check_range,
     estimator::EstimatorParams,
-    flight::{Flight, FlightParams, GuidanceParams, SessionParams, WatchParams},
-    link::tk3::ImuScales,
+    flight::{Flight, FlightParams, GuidanceParams, WatchParams},
     mocap::UpAxis,
     trajectory::Limits,
 };
+use tilthex_link::{LinkKind, LinkParams, LinkedParams, tk3::ImuScales};
 
 impl Config {
     /// The parameters of the state estimator.
@@ -29,7 +29,6 @@ impl Config {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            session: self.link.params()?,
             guidance: self.mission.params()?,
             watch: self.supervisor.params()?,
             take_off,
@@ -37,10 +36,41 @@ impl Config {
         Flight::new(params, None)?;
         Ok(params)
     }
+
+    /// The parameters of a flight and its link; `take_off` starts it without a command.
+    ///
+    /// # Errors
+    /// The section and the key that cannot be.
+    pub fn linked_params(&self, take_off: bool) -> Result<LinkedParams, ConfigError> {
+        Ok(LinkedParams {
+            kind: self.link.kind()?,
+            link: self.link.params()?,
+            flight: self.flight_params(take_off)?,
+        })
+    }
 }
 
 impl LinkSection {
-    fn params(&self) -> Result<SessionParams, ConfigError> {
+    /// Which link the vehicle speaks.
+    ///
+    /// # Errors
+    /// Where no link has that name.
+    pub fn kind(&self) -> Result<LinkKind, ConfigError> {
+        LinkKind::ALL.iter().copied().find(|kind| kind.name() == self.protocol).ok_or_else(|| {
+            let names: Vec<_> = LinkKind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
+            ConfigError::new(format!(
+                "[link]: protocol is \"{}\"; expected {}",
+                self.protocol,
+                names.join(" or ")
+            ))
+        })
+    }
+
+    /// What the link is set up with.
+    ///
+    /// # Errors
+    /// The key that cannot be.
+    pub fn params(&self) -> Result<LinkParams, ConfigError> {
         let period = |key: &'static str, rate: f64| {
             check::<Self>(key, rate, 0.5, 2000.0)?;
             Ok::<_, ConfigError>((1e6 / rate).round() as u32)
@@ -54,7 +84,7 @@ impl LinkSection {
                 "[link]: one of accelerometer_scale and gyro_scale is set; expected both or none",
             ));
         }
-        Ok(SessionParams {
+        Ok(LinkParams {
             imu_period_us: period("imu_rate", self.imu_rate)?,
             motor_period_us: period("motor_rate", self.motor_rate)?,
             battery_period_us: period("battery_rate", self.battery_rate)?,

@@ -3,8 +3,10 @@
 use super::section::section;
 
 section! {
-    /// The serial link to the vehicle.
+    /// The link to the vehicle.
     pub LinkSection as "link" {
+        /// What the vehicle speaks: "tk3" (mikrokopter ESCs, chimera boards).
+        protocol: String = "tk3".into(),
         /// 57600, 115200, 500000, 2000000, or 0 to leave the speed alone (native USB, pseudo-terminals).
         baud: u32 = 500_000,
         /// Rate of the inertial samples, Hz.

@@ -64,7 +64,7 @@ impl BlackBox {
     /// # Errors
     /// None in practice: memory takes it.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
-        self.log(tick.record.raw.time)?.tick(tick)
+        self.log(tick.record.input.time)?.tick(tick)
     }
 
     /// Remembers what is true of the simulated vehicle.

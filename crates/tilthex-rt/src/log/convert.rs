@@ -2,9 +2,9 @@
 
 use prost::Message;
 use tilthex_core::{
-    Matrix3, RobotState, Setpoint, Vector3, Wrench, flight::Record, link::tk3::Severity, so3,
-    supervisor::Phase, types::PoseSample,
+    Matrix3, RobotState, Setpoint, Vector3, Wrench, flight::Record, so3, supervisor::Phase, types::PoseSample,
 };
+use tilthex_link::{Severity, Wire};
 
 use super::messages::{self as m, foxglove};
 use crate::sim::Truth;
@@ -95,9 +95,9 @@ pub struct TickMessages {
 }
 
 impl TickMessages {
-    /// The messages of a record, for a vehicle's number of rotors.
+    /// The messages of a tick's record and bytes, for a vehicle's number of rotors.
     #[must_use]
-    pub fn new(r: &Record, rotor_count: usize) -> Self {
+    pub fn new(r: &Record, wire: &Wire, rotor_count: usize) -> Self {
         let rotors = |speeds: &[f64]| speeds.iter().take(rotor_count).copied().collect();
         let [position_deviation, velocity_deviation, rotation_deviation] = r.deviation;
         Self {
@@ -137,7 +137,7 @@ impl TickMessages {
             },
             flight: m::Flight {
                 tick: r.tick,
-                time: r.raw.time,
+                time: r.input.time,
                 dt: r.dt,
                 phase: phase(r.phase),
                 faults: r.faults.0,
@@ -153,15 +153,15 @@ impl TickMessages {
             },
             input: m::Input {
                 tick: r.tick,
-                time: r.raw.time,
-                link: r.raw.bytes().to_vec(),
-                poses: r.raw.poses().iter().map(pose).collect(),
-                command: r.raw.command,
-                land: r.raw.host.land,
-                link_lost: r.raw.host.link_lost,
-                log_lost: r.raw.host.log_lost,
+                time: r.input.time,
+                link: wire.received().to_vec(),
+                poses: r.input.poses().iter().map(pose).collect(),
+                command: r.input.command,
+                land: r.input.host.land,
+                link_lost: r.input.host.link_lost,
+                log_lost: r.input.host.log_lost,
             },
-            output: m::Output { tick: r.tick, link: r.sent().to_vec() },
+            output: m::Output { tick: r.tick, link: wire.sent.bytes().to_vec() },
         }
     }
 }

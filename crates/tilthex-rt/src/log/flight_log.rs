@@ -7,6 +7,7 @@ use tilthex_core::{
     flight::Record,
     supervisor::{FaultSet, Phase, TABLE},
 };
+use tilthex_link::{LinkedOutput, Wire};
 
 use super::{
     convert::{self, TickMessages},
@@ -40,10 +41,20 @@ pub struct Timing {
 /// What the loop hands to the recorder.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// What the core took in and did.
+    /// What the flight took in and did.
     pub record: Record,
+    /// The bytes of its link.
+    pub wire: Wire,
     /// How punctual it was.
     pub timing: Timing,
+}
+
+impl Tick {
+    /// The tick that gave `out`.
+    #[must_use]
+    pub fn new(out: &LinkedOutput, timing: Timing) -> Self {
+        Self { record: out.commanded.record, wire: out.wire, timing }
+    }
 }
 
 /// From the monotonic clock to time since 1970.
@@ -166,9 +177,9 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
         let (t, record, timing) = (self.topics, &tick.record, &tick.timing);
-        let publish = self.epoch.unix_ns(record.raw.time);
+        let publish = self.epoch.unix_ns(record.input.time);
         let stamp = Stamp { publish, log: publish + timing.compute };
-        let messages = TickMessages::new(record, self.rotor_count);
+        let messages = TickMessages::new(record, &tick.wire, self.rotor_count);
         let log = &mut self.log;
         log.put(t.state, stamp, &messages.state)?;
         log.put(t.setpoint, stamp, &messages.setpoint)?;
@@ -197,12 +208,13 @@ impl<W: Write> FlightLog<W> {
                 convert::transform(publish, "tool_reference", &reference.position_w, &reference.rotation_we);
             log.put(t.transforms, stamp, &reference)?;
         }
-        self.changes(record, stamp)
+        self.changes(tick, stamp)
     }
 
     /// A line for each text from the vehicle, new phase and new fault.
-    fn changes(&mut self, record: &Record, stamp: Stamp) -> Result<(), McapError> {
-        if let Some((severity, text)) = record.text {
+    fn changes(&mut self, tick: &Tick, stamp: Stamp) -> Result<(), McapError> {
+        let record = &tick.record;
+        if let Some((severity, text)) = tick.wire.text {
             self.line_at(stamp, convert::level(severity), "vehicle", text.to_string())?;
         }
         let level = foxglove::log::Level::Warning;

@@ -5,11 +5,11 @@
 
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vehicle,
-    link::tk3::{
-        HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Severity, Stream, Text,
-        VehicleMessage,
-    },
     plant::{Battery, ImuSample, rotor_current},
+};
+use tilthex_link::{
+    Severity, Text,
+    tk3::{self, HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage},
 };
 
 use super::{
@@ -146,7 +146,7 @@ impl Firmware {
             HostMessage::Speeds(values) => {
                 self.speeds_received += 1;
                 for (motor, &value) in motors.iter_mut().zip(values.as_slice()) {
-                    motor.set_speed(tilthex_core::link::tk3::speed(value), now);
+                    motor.set_speed(tk3::speed(value), now);
                 }
             }
             HostMessage::Throttles(values) => {

@@ -1,6 +1,6 @@
 //! One motor controller (ESC), as the vehicle's firmware drives it.
 
-use tilthex_core::link::tk3::{MotorFrame, MotorState};
+use tilthex_link::tk3::{MotorFrame, MotorState};
 
 use super::Micros;
 
@@ -155,7 +155,7 @@ impl Motor {
 
 /// A measured half period is the nearest count, where a commanded one is truncated.
 fn nearest_half_period(speed: f64) -> i16 {
-    if speed.abs() < tilthex_core::link::tk3::LOWEST_SPEED {
+    if speed.abs() < tilthex_link::tk3::LOWEST_SPEED {
         return if speed < 0.0 { -i16::MAX } else { i16::MAX };
     }
     (500_000.0 / speed).round() as i16

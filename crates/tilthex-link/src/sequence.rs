@@ -1,8 +1,8 @@
 //! Time from sequence numbers: frames carry no time, but they are numbered
 //! (u8, wrapping) and come at a fixed period.
 
-use super::bump;
-use crate::{
+use crate::bump;
+use tilthex_core::{
     clock_sync::{ClockEvent, ClockParams, ClockSync, Stamp},
     error::{Error, check_range},
 };

@@ -1,8 +1,8 @@
 //! What stands between a decoded sample and the estimator: the protocol has no
 //! checksum, so a flipped bit yields a well-formed sample.
 
-use super::bump;
-use crate::error::{Error, check_range};
+use crate::bump;
+use tilthex_core::error::{Error, check_range};
 
 /// What a stream of `N` numbers can be.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,12 +4,13 @@
 
 use proptest::{collection::vec, option, prelude::*, sample::select};
 use std::fmt::Debug;
-use tilthex_core::{
-    MAX_ROTORS, Vector3,
-    link::tk3::{
+use tilthex_core::{MAX_ROTORS, Vector3};
+use tilthex_link::{
+    Severity, Text,
+    tk3::{
         Board, Decoder, Frame, HostMessage, Identity, ImuFrame, ImuScales, LOWEST_SPEED, MAX_BODY, MAX_FRAME,
-        MAX_THROTTLE, Message, MotorFrame, MotorState, MotorValues, Receiver, Refusal, Severity, Stream,
-        Text, VehicleMessage, half_period, speed,
+        MAX_THROTTLE, Message, MotorFrame, MotorState, MotorValues, Receiver, Refusal, Stream,
+        VehicleMessage, half_period, speed,
     },
 };
 

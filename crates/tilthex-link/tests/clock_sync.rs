@@ -3,10 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use proptest::{collection::vec, prelude::*};
-use tilthex_core::{
-    clock_sync::{ClockEvent, ClockParams, ClockSync},
-    link::{Arrival, SequenceClock},
-};
+use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
+use tilthex_link::{Arrival, SequenceClock};
 
 const PERIOD: f64 = 0.002;
 

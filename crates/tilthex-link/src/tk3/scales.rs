@@ -1,7 +1,7 @@
 //! Counts of the IMU and physical units.
 
 use super::{Board, Identity, ImuFrame};
-use crate::types::Vector3;
+use tilthex_core::types::Vector3;
 
 /// What one count of the IMU means. Configuration: newer firmware has
 /// configurable ranges and does not say in a known way which one is set.

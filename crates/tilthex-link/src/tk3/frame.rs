@@ -1,6 +1,6 @@
 //! Framing: bytes to bodies and back.
 
-use crate::link::bump;
+use crate::bump;
 
 /// Longest body, bytes, the message's letter included.
 pub const MAX_BODY: usize = 64;

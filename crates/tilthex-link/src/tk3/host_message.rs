@@ -5,7 +5,7 @@ use super::{
     receiver::{Message, Refusal},
     speed::half_period,
 };
-use crate::types::MAX_ROTORS;
+use tilthex_core::types::MAX_ROTORS;
 
 /// Largest magnitude of a throttle set-point.
 pub const MAX_THROTTLE: i16 = 1023;

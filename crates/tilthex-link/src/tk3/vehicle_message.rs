@@ -4,8 +4,8 @@ use super::{
     frame::Frame,
     receiver::{Message, Refusal},
     speed::speed,
-    text::Text,
 };
+use crate::{Severity, Text};
 
 /// One sample of the IMU, in counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -88,24 +88,12 @@ impl MotorFrame {
     }
 }
 
-/// How serious a text is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Severity {
-    /// `N`.
-    Note,
-    /// `A`.
-    Warning,
-    /// `E`.
-    Error,
-}
-
-impl Severity {
-    const fn letter(self) -> u8 {
-        match self {
-            Self::Note => b'N',
-            Self::Warning => b'A',
-            Self::Error => b'E',
-        }
+/// The letter of a text's frame.
+const fn letter(severity: Severity) -> u8 {
+    match severity {
+        Severity::Note => b'N',
+        Severity::Warning => b'A',
+        Severity::Error => b'E',
     }
 }
 
@@ -182,7 +170,7 @@ impl VehicleMessage {
             }
             Self::Clock { motor, calibration } => frame.extend(&[b'T', *motor, *calibration]),
             Self::Text { severity, text } => {
-                frame.extend(&[severity.letter()]);
+                frame.extend(&[letter(*severity)]);
                 frame.extend(text.as_bytes());
             }
         }

@@ -4,22 +4,24 @@
 //!
 //! A frame is `^ body $`; the body starts with the message's letter. There is
 //! neither a length nor a checksum: a bit flipped inside a frame passes, so
-//! every sample must go through [`crate::link`]'s gate before it is believed.
+//! every sample must go through a [`crate::Gate`] before it is believed.
 
 mod frame;
 mod host;
+mod host_message;
 mod identity;
+mod imu_stream;
 mod receiver;
 mod scales;
+mod scan;
 mod speed;
-mod text;
-mod vehicle;
+mod vehicle_message;
 
 pub use frame::{Decoder, Frame, FrameCounters, MAX_BODY, MAX_FRAME};
-pub use host::{HostMessage, MAX_THROTTLE, MotorValues, Stream};
+pub use host::Host;
+pub use host_message::{HostMessage, MAX_THROTTLE, MotorValues, Stream};
 pub use identity::{Board, Identity};
 pub use receiver::{Counters, Message, Receiver, Refusal};
 pub use scales::ImuScales;
 pub use speed::{LOWEST_SPEED, half_period, speed};
-pub use text::Text;
-pub use vehicle::{ImuFrame, MotorFrame, MotorState, Severity, VehicleMessage};
+pub use vehicle_message::{ImuFrame, MotorFrame, MotorState, VehicleMessage};

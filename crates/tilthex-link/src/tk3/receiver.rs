@@ -1,7 +1,7 @@
 //! Bytes to messages, with counts of everything refused.
 
 use super::frame::{Decoder, FrameCounters};
-use crate::link::bump;
+use crate::bump;
 use core::marker::PhantomData;
 
 /// Why a whole frame is not a message.

@@ -1,19 +1,18 @@
 //! Text from the vehicle.
 
-use super::frame::MAX_BODY;
 use core::fmt::{self, Write};
 
 /// Up to 63 bytes of text as they came. Shown with everything that is not
 /// printable ASCII escaped: it goes to terminals and logs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Text {
-    bytes: [u8; MAX_BODY - 1],
+    bytes: [u8; Self::MAX],
     length: usize,
 }
 
 impl Text {
     /// Longest text, bytes.
-    pub const MAX: usize = MAX_BODY - 1;
+    pub const MAX: usize = 63;
 
     /// The text; what is longer than [`Text::MAX`] is cut there.
     #[must_use]
@@ -45,4 +44,15 @@ impl fmt::Debug for Text {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "\"{self}\"")
     }
+}
+
+/// How serious a text is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Severity {
+    /// For information.
+    Note,
+    /// A warning.
+    Warning,
+    /// An error.
+    Error,
 }

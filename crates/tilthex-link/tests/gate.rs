@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use proptest::{collection::vec, prelude::*};
-use tilthex_core::link::{Gate, GateParams, Verdict};
+use tilthex_link::{Gate, GateParams, Verdict};
 
 const PARAMS: GateParams<2> =
     GateParams { min: [-10.0; 2], max: [10.0; 2], jump: [1.0, 2.0], patience: 3, longest: 5 };

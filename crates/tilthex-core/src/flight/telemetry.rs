@@ -1,0 +1,197 @@
+//! What a vehicle says of itself, whatever link it speaks.
+
+use crate::types::{MAX_ROTORS, Vector3};
+
+/// Most inertial samples of one tick that are kept.
+pub const MAX_SAMPLES: usize = 8;
+/// A time before any, s.
+const LONG_AGO: f64 = -1e9;
+
+/// An inertial sample in IMU coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inertial {
+    /// When it was taken, s, on the host's clock.
+    pub time: f64,
+    /// Angular velocity, rad/s.
+    pub gyro_i: Vector3,
+    /// Specific force, m/s^2.
+    pub specific_force_i: Vector3,
+    /// Whether readings before it went off the range, or jumped from sample to sample.
+    pub shaken: bool,
+}
+
+/// The inertial stream in one tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InertialTelemetry {
+    samples: [Inertial; MAX_SAMPLES],
+    count: usize,
+    /// When the newest usable sample was heard, s.
+    pub heard: f64,
+    /// Whether the IMU repeats itself to the bit.
+    pub frozen: bool,
+    /// Whether the newest reading is at the end of its range.
+    pub saturated: bool,
+    /// Whether a sample was refused in this tick.
+    pub refused_now: bool,
+}
+
+impl InertialTelemetry {
+    /// Keeps a usable sample that was heard at `now`, s; those past [`MAX_SAMPLES`] are dropped.
+    pub fn push(&mut self, now: f64, sample: Inertial) {
+        self.heard = now;
+        if let Some(slot) = self.samples.get_mut(self.count) {
+            *slot = sample;
+            self.count += 1;
+        }
+    }
+
+    /// Usable samples of this tick, oldest first.
+    #[must_use]
+    pub fn samples(&self) -> &[Inertial] {
+        self.samples.get(..self.count).unwrap_or(&[])
+    }
+
+    /// Age of the newest usable sample, s.
+    #[must_use]
+    pub fn age(&self, now: f64) -> f64 {
+        now - self.heard
+    }
+}
+
+/// The newest that is known of one motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motor {
+    /// When it was heard, s.
+    pub heard: f64,
+    /// Measured speed, Hz.
+    pub speed: f64,
+    /// It is being started.
+    pub starting: bool,
+    /// It spins.
+    pub spinning: bool,
+    /// It has stopped by itself and says so.
+    pub emergency: bool,
+    /// Current, A.
+    pub current: f64,
+}
+
+/// The state of the link, and counts since its beginning; they saturate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkState {
+    /// A vehicle that the link knows has answered.
+    pub identified: bool,
+    /// All streams run.
+    pub ready: bool,
+    /// When anything was heard, s.
+    pub heard: f64,
+    /// The board announced itself unasked in this tick.
+    pub rebooted: bool,
+    /// Messages taken.
+    pub messages: u32,
+    /// Frames refused for their form.
+    pub refused_frames: u32,
+    /// Samples refused by a gate.
+    pub refused_samples: u32,
+    /// Inertial samples that never came.
+    pub lost_samples: u32,
+}
+
+/// What a vehicle has said of itself up to a tick. A link fills it in.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Telemetry {
+    /// The inertial stream.
+    pub inertial: InertialTelemetry,
+    motors: [Motor; MAX_ROTORS],
+    motor_count: usize,
+    /// Battery, V, once it is known.
+    pub battery: Option<f64>,
+    /// The link.
+    pub link: LinkState,
+}
+
+impl Telemetry {
+    /// Nothing heard yet of a vehicle with `motor_count` motors, at most [`MAX_ROTORS`].
+    #[must_use]
+    pub fn new(motor_count: usize) -> Self {
+        let sample = Inertial {
+            time: 0.0,
+            gyro_i: Vector3::zeros(),
+            specific_force_i: Vector3::zeros(),
+            shaken: false,
+        };
+        let motor = Motor {
+            heard: LONG_AGO,
+            speed: 0.0,
+            starting: false,
+            spinning: false,
+            emergency: false,
+            current: 0.0,
+        };
+        Self {
+            inertial: InertialTelemetry {
+                samples: [sample; MAX_SAMPLES],
+                count: 0,
+                heard: LONG_AGO,
+                frozen: false,
+                saturated: false,
+                refused_now: false,
+            },
+            motors: [motor; MAX_ROTORS],
+            motor_count: motor_count.min(MAX_ROTORS),
+            battery: None,
+            link: LinkState {
+                identified: false,
+                ready: false,
+                heard: LONG_AGO,
+                rebooted: false,
+                messages: 0,
+                refused_frames: 0,
+                refused_samples: 0,
+                lost_samples: 0,
+            },
+        }
+    }
+
+    /// Forgets what belongs to the last tick alone.
+    pub fn begin_tick(&mut self) {
+        self.inertial.count = 0;
+        self.inertial.refused_now = false;
+        self.link.rebooted = false;
+    }
+
+    /// What is known of the motors.
+    #[must_use]
+    pub fn motors(&self) -> &[Motor] {
+        self.motors.get(..self.motor_count).unwrap_or(&[])
+    }
+
+    /// One motor, from 0.
+    #[must_use]
+    pub fn motor_mut(&mut self, index: usize) -> Option<&mut Motor> {
+        self.motors.get_mut(..self.motor_count)?.get_mut(index)
+    }
+
+    /// Age of the oldest motor's measurement, s.
+    #[must_use]
+    pub fn motor_age(&self, now: f64) -> f64 {
+        self.motors().iter().map(|m| now - m.heard).fold(0.0, f64::max)
+    }
+
+    /// Time since anything was heard, s.
+    #[must_use]
+    pub fn silence(&self, now: f64) -> f64 {
+        now - self.link.heard
+    }
+
+    /// Whether every motor spins.
+    #[must_use]
+    pub fn all_spinning(&self) -> bool {
+        self.motors().iter().all(|m| m.spinning)
+    }
+
+    /// Whether a motor spins or starts.
+    #[must_use]
+    pub fn any_spinning(&self) -> bool {
+        self.motors().iter().any(|m| m.spinning || m.starting)
+    }
+}

@@ -1,0 +1,88 @@
+//! The links between a flight and its vehicle.
+//!
+//! A link turns the bytes that a vehicle sends into [`Telemetry`], and what the
+//! flight commands into bytes. It holds everything between the two: the codec,
+//! the clock of each numbered stream, the gates on its samples, and the
+//! conversation with the vehicle's board. The flight knows none of it.
+//!
+//! One folder a link; [`tk3`] is the first. `docs/howto/link.md` says how a
+//! link is added: a folder, and its line in the `registry` module.
+//!
+//! `no_std`, no allocation, no unsafe.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod awaited;
+mod gate;
+mod linked;
+mod outgoing;
+mod registry;
+mod sequence;
+mod text;
+pub mod tk3;
+mod wire;
+
+pub use awaited::{Awaited, InertialDue};
+pub use gate::{Gate, GateCounters, GateParams, Verdict};
+pub use linked::{LinkedFlight, LinkedOutput, LinkedParams, WireInput};
+pub use outgoing::{MAX_BYTES_OUT, Outgoing};
+pub use registry::{Link, LinkKind};
+pub use sequence::{Arrival, SequenceClock, SequenceCounters};
+pub use text::{Severity, Text};
+pub use wire::{MAX_BYTES_IN, Wire};
+
+use tilthex_core::flight::{MotorCommand, Telemetry};
+
+/// What a link is set up with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkParams {
+    /// Period of the inertial stream, us.
+    pub imu_period_us: u32,
+    /// Period of the motor stream, us.
+    pub motor_period_us: u32,
+    /// Period of the battery stream, us.
+    pub battery_period_us: u32,
+    /// Units of the IMU's counts; None takes those known of the board.
+    pub scales: Option<tk3::ImuScales>,
+}
+
+/// The host's end of a link to a vehicle.
+///
+/// Each tick of the loop calls [`look`](Self::look) for bytes as they come, then
+/// [`receive`](Self::receive) for all of them, then [`command`](Self::command).
+/// None of them waits, allocates or panics.
+pub trait VehicleLink {
+    /// Looks at bytes that have just come and belong to this tick, in their
+    /// order, before [`receive`](Self::receive) takes them: whether an inertial
+    /// sample is due, and whether it has arrived. The loop looks at the port
+    /// again while one is due that has not arrived.
+    fn look(&mut self, bytes: &[u8]) -> InertialDue;
+
+    /// Takes all bytes of a tick at `now` (s, the host's monotonic clock). What
+    /// it returns depends on these bytes and times alone, so that a recorded
+    /// flight can be repeated bit for bit.
+    fn receive(&mut self, bytes: &[u8], now: f64) -> &Telemetry;
+
+    /// What the last [`receive`](Self::receive) returned.
+    fn telemetry(&self) -> &Telemetry;
+
+    /// A text that came with the last [`receive`](Self::receive).
+    fn text(&self) -> Option<(Severity, Text)>;
+
+    /// Writes a command for the motors and whatever the conversation needs at `now` (s).
+    fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing);
+
+    /// Whether the other end is no vehicle that this link knows.
+    fn refused(&self) -> bool;
+
+    /// Writes what ends the conversation: the streams stop. It neither stops nor starts motors.
+    fn part(&mut self, out: &mut Outgoing);
+}
+
+#[cfg(test)]
+extern crate std;
+
+/// Counts one more; saturates.
+fn bump(counter: &mut u32) {
+    *counter = counter.saturating_add(1);
+}

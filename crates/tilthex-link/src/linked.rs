@@ -1,0 +1,90 @@
+//! A flight behind its link: bytes in and bytes out.
+//!
+//! It depends on nothing but its inputs: the real-time loop, the fault campaign
+//! on virtual time and the replay of a log run this same code and get the same
+//! result to the bit.
+
+use crate::{Link, LinkKind, LinkParams, VehicleLink, Wire};
+use tilthex_core::{
+    Error, PoseSample,
+    flight::{Command, Commanded, Flight, FlightParams, HostFacts, Measured, Route},
+};
+
+/// Everything that a tick may depend on. The same inputs give the same outputs, bit for bit.
+#[derive(Clone, Copy, Debug)]
+pub struct WireInput<'a> {
+    /// Now, s, monotonic.
+    pub time: f64,
+    /// Bytes read from the link since the last tick, at most [`crate::MAX_BYTES_IN`].
+    pub bytes: &'a [u8],
+    /// Poses that have arrived since the last tick, at most [`tilthex_core::flight::MAX_POSES`].
+    pub poses: &'a [PoseSample],
+    /// An order.
+    pub command: Option<&'a Command>,
+    /// What only the host can see.
+    pub host: HostFacts,
+}
+
+/// What a tick gives: bytes for the vehicle, and a record of all it did.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct LinkedOutput {
+    /// The bytes of the tick; `wire.sent` is to be written.
+    pub wire: Wire,
+    /// What the flight commanded, and its record.
+    pub commanded: Commanded,
+}
+
+/// What a flight and its link are set up with.
+#[derive(Clone, Copy, Debug)]
+pub struct LinkedParams {
+    /// Which link the vehicle speaks.
+    pub kind: LinkKind,
+    /// The link.
+    pub link: LinkParams,
+    /// The flight.
+    pub flight: FlightParams,
+}
+
+/// A flight and the link to its vehicle.
+#[derive(Clone, Debug)]
+pub struct LinkedFlight {
+    /// The link.
+    pub link: Link,
+    /// The flight.
+    pub flight: Flight,
+}
+
+impl LinkedFlight {
+    /// A flight that has not begun, over a link on which nothing came yet; `route` is flown after take-off.
+    ///
+    /// # Errors
+    /// The first parameter that a block refuses.
+    pub fn new(params: LinkedParams, route: Option<Route>) -> Result<Self, Error> {
+        let rotor_count = params.flight.vehicle.rotor_count();
+        Ok(Self {
+            link: Link::new(params.kind, params.link, rotor_count)?,
+            flight: Flight::new(params.flight, route)?,
+        })
+    }
+
+    /// One tick: receives, flies, and says what to send.
+    pub fn tick(&mut self, input: &WireInput<'_>, out: &mut LinkedOutput) {
+        out.wire.begin(input.bytes);
+        let measured = Measured {
+            time: input.time,
+            telemetry: self.link.receive(input.bytes, input.time),
+            poses: input.poses,
+            command: input.command,
+            host: input.host,
+        };
+        self.flight.tick(&measured, &mut out.commanded);
+        self.link.command(&out.commanded.motors, input.time, &mut out.wire.sent);
+        out.wire.text = self.link.text();
+    }
+
+    /// Whether the vehicle flew, stands again, and its motors have stopped.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.flight.supervisor().landed() && !self.link.telemetry().any_spinning()
+    }
+}

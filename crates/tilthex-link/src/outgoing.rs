@@ -1,0 +1,38 @@
+//! Bytes on their way to the vehicle.
+
+/// Most bytes that a tick sends.
+pub const MAX_BYTES_OUT: usize = 128;
+
+/// The bytes of one tick, whole frames, of fixed capacity.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outgoing {
+    buffer: [u8; MAX_BYTES_OUT],
+    length: usize,
+}
+
+impl Default for Outgoing {
+    fn default() -> Self {
+        Self { buffer: [0; MAX_BYTES_OUT], length: 0 }
+    }
+}
+
+impl Outgoing {
+    /// The bytes to write.
+    #[must_use]
+    pub fn bytes(&self) -> &[u8] {
+        self.buffer.get(..self.length).unwrap_or(&[])
+    }
+
+    /// Empties it.
+    pub fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    /// Appends a frame that `encode` writes and returns the length of; one that
+    /// does not fit is left out whole.
+    pub fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
+        if let Some(free) = self.buffer.get_mut(self.length..) {
+            self.length += encode(free);
+        }
+    }
+}

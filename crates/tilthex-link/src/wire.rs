@@ -1,0 +1,41 @@
+//! The bytes of one tick in both directions, for the log and for a replay.
+
+use crate::{Outgoing, Severity, Text};
+
+/// Most bytes that a tick takes from the link: five times what a vehicle sends in a period.
+pub const MAX_BYTES_IN: usize = 512;
+
+/// What passed over the wire in one tick, of fixed size.
+#[derive(Clone, Copy, Debug)]
+pub struct Wire {
+    received: [u8; MAX_BYTES_IN],
+    received_count: usize,
+    /// The bytes that were sent.
+    pub sent: Outgoing,
+    /// A text from the vehicle.
+    pub text: Option<(Severity, Text)>,
+}
+
+impl Default for Wire {
+    fn default() -> Self {
+        Self { received: [0; MAX_BYTES_IN], received_count: 0, sent: Outgoing::default(), text: None }
+    }
+}
+
+impl Wire {
+    /// Begins a tick with the bytes that were received, the first [`MAX_BYTES_IN`] of them.
+    pub fn begin(&mut self, received: &[u8]) {
+        for (slot, byte) in self.received.iter_mut().zip(received) {
+            *slot = *byte;
+        }
+        self.received_count = received.len().min(MAX_BYTES_IN);
+        self.sent.clear();
+        self.text = None;
+    }
+
+    /// The bytes that were received.
+    #[must_use]
+    pub fn received(&self) -> &[u8] {
+        self.received.get(..self.received_count).unwrap_or(&[])
+    }
+}
