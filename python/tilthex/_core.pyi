@@ -245,7 +245,6 @@ class Loop:
         poses: Sequence[tuple[float, float, ArrayLike, ArrayLike]],
         setpoint: Setpoint,
         *,
-        compliant: bool = True,
         learn_bias: bool = False,
     ) -> _Array: ...
     def step_from(
@@ -259,9 +258,12 @@ class Loop:
         specific_force: ArrayLike,
         rotor_speeds: ArrayLike,
         setpoint: Setpoint,
-        compliant: bool = True,
         learn_bias: bool = False,
     ) -> _Array: ...
+    @property
+    def phase(self) -> str: ...
+    @property
+    def faults(self) -> list[str]: ...
     def record(self) -> dict[str, _Array]: ...
 
 @final

@@ -5,7 +5,7 @@ use crate::{
     Error,
     admittance::AdmittanceFilter,
     trajectory::{Limits, MAX_WAYPOINTS, Trajectory, Waypoint},
-    types::{PoseSample, RotorVector, Setpoint, Wrench},
+    types::{PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
 
 /// Most poses a tick takes in.
@@ -95,6 +95,17 @@ pub struct Measured<'a> {
     pub command: Option<&'a Command>,
     /// What only the host can see.
     pub host: HostFacts,
+    /// The state, where it is known without the estimator: in a simulation that leaves it out.
+    pub known: Option<KnownState>,
+}
+
+/// A state that needs no estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownState {
+    /// Pose and twist of the robot.
+    pub robot: RobotState,
+    /// Specific force at the centre of mass, m/s^2, robot.
+    pub specific_force_r: Vector3,
 }
 
 /// What the motors shall do.
