@@ -191,7 +191,6 @@ impl TruthSection {
         ConfigError::from(error).within(format!("[truth] {}, seed {seed}", self.name))
     }
 
-    #[expect(clippy::type_complexity, reason = "the four sections, once")]
     fn drawn_sections(
         &self,
         seed: u64,
