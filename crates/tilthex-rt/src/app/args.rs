@@ -58,6 +58,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
+    /// With --sim: how the simulated vehicle differs from the model: exact, measured, cad, outdoors, or a TOML file
+    /// with a [truth] table
+    #[arg(long, value_name = "LEVEL", requires = "sim")]
+    pub truth: Option<String>,
+
+    /// With --sim: chooses the simulated vehicle and its sensors' noise
+    #[arg(long, requires = "sim", default_value_t = 1)]
+    pub seed: u64,
+
     /// Take orders there from `tilthex.connect()`
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
