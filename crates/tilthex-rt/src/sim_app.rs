@@ -112,22 +112,18 @@ pub fn run() -> Result<(), Failure> {
 
 /// The vehicle on its own flat ground, or in a world.
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
-    let truth = TruthSection::named(&args.truth);
-    let drawn = truth
-        .and_then(|truth| truth.draw(&config.vehicle, args.seed))
-        .map_err(|e| Failure::usage(e.to_string()))?;
-    let line = |latency: f64, jitter: f64| {
-        // The mean of a uniform latency from its smallest, and half its width, as `[truth.delays]` counts.
-        let half = drawn.delays.pose_jitter.unwrap_or(0.5 * jitter);
-        let mean = drawn.delays.pose.unwrap_or(latency + 0.5 * jitter);
-        ((mean - half).max(0.0), 2.0 * half)
-    };
     let Some(experiment) = &args.world else {
+        let truth = TruthSection::named(&args.truth);
+        let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+        let drawn = drawn.map_err(|e| Failure::usage(e.to_string()))?;
+        // `[truth.delays]` has the mean of a uniform latency and half its width; a line its smallest and its width.
+        let half = drawn.delays.pose_jitter.unwrap_or(0.0);
+        let line = ((drawn.delays.pose.unwrap_or(0.008 + half) - half).max(0.0), 2.0 * half);
         let mut params = SimulationParams::of(&drawn)?;
         if let Some(path) = &args.pushes {
             params.pushes = Pushes::read(path)?;
         }
-        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, line(0.008, 0.0));
+        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, line);
     };
     let params = WorldParams {
         experiment: experiment.clone(),
@@ -139,10 +135,9 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let world = World::start(&params, *config.vehicle.vehicle())?;
     let greeting = *world.greeting();
     let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
-    let line = line(greeting.pose_latency, greeting.pose_jitter);
-    let SimulationParams { plant, firmware, .. } = SimulationParams::of(&drawn)?;
-    let sensors = drawn.sensors(&greeting.sensors);
-    let simulation = Simulation::with_body(world, plant, sensors, firmware, args.seed);
+    let line = (greeting.pose_latency, greeting.pose_jitter);
+    let SimulationParams { plant, firmware, .. } = SimulationParams::new(*config.vehicle.vehicle());
+    let simulation = Simulation::with_body(world, plant, greeting.sensors, firmware, args.seed);
     serve(args, config, simulation, every, line)
 }
 
