@@ -165,8 +165,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--truth",
         metavar="LEVEL",
-        help="how the simulated vehicle differs from the controller's model: exact, measured, cad, outdoors, or a "
-        "TOML file with a [truth] table",
+        help="how the simulated vehicle differs from the controller's model: exact, measured, cad, outdoors, "
+        "or a TOML file with a [truth] table",
     )
     parser.add_argument("--seed", type=int, default=1, help="with --truth: chooses the vehicle")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")

@@ -48,8 +48,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--truth",
         metavar="LEVEL",
-        help="how the simulated vehicle differs from the controller's model, drawn anew for each seed: exact, "
-        "measured, cad, outdoors, or a TOML file with a [truth] table",
+        help="how the simulated vehicle differs from the controller's model, drawn anew for each seed: "
+        "exact, measured, cad, outdoors, or a TOML file with a [truth] table",
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"

@@ -83,7 +83,7 @@ class Run:
     vehicle: Table
     """The keys of a `[vehicle]` section: the model that the controller has."""
     truth: str | Table
-    """In what the simulated vehicle differs from it: a level, a TOML file, or the keys of a `[truth]` table."""
+    """In what the simulated vehicle differs: a level, a TOML file, or the keys of a `[truth]` table."""
     seed: int
     config: Table
     world: Table

@@ -82,7 +82,7 @@ class World:
         feet: Sequence[ET.Element] = (),
         drawn: Drawn | None = None,
     ) -> None:
-        """The robot at rest with its tool at a pose, rotors at their hover speeds; `feet` are on its body.
+        """The robot at rest with its tool at a pose, rotors at their hover speeds.
 
         Args:
             vehicle: The true vehicle.
@@ -210,7 +210,7 @@ class World:
         self._next_draw += 1
 
     def _act(self, effects: Effects, accelerations: Vector) -> None:
-        """Adds what the effects do to the airframe in the state of now, and lets a time step pass for them."""
+        """Adds what the effects do to the airframe now; a time step passes for them."""
         data = self.data
         mujoco.mju_quat2Mat(self._turned.reshape(9), data.qpos[3:7])
         wrench = effects.step(
