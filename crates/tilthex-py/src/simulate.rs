@@ -102,5 +102,6 @@ fn sensors(
         rotor_speed: scale * n.rotor_speed,
         gyro_bias_i: bias("gyro_bias", gyro_bias)?,
         accelerometer_bias_i: bias("accelerometer_bias", accelerometer_bias)?,
+        ..n
     })
 }

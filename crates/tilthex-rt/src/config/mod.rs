@@ -10,6 +10,7 @@ mod flight;
 mod section;
 mod sections;
 mod time_scales;
+pub mod truth;
 mod values;
 mod vehicle;
 
@@ -22,6 +23,7 @@ pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, Superv
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};
+pub use truth::{TrueVehicle, TruthSection};
 pub use values::{Axes, Square};
 pub use vehicle::{PRESETS, VehicleSection};
 

@@ -80,10 +80,7 @@ impl Own {
         let leg = (-vehicle.tool().position_r.z).max(0.1) + 0.05;
         let mut body = Self {
             plant: Plant::new(vehicle),
-            state: PlantState {
-                robot: RobotState::at_rest(Vector3::new(0.0, 0.0, leg)),
-                rotor_speeds: RotorVector::zeros(),
-            },
+            state: PlantState::new(RobotState::at_rest(Vector3::new(0.0, 0.0, leg)), RotorVector::zeros()),
             ground: Some(Ground { leg }),
             pushes,
             external: Wrench::ZERO,
