@@ -62,6 +62,7 @@ def simulate(
     seed: int = 0,
     estimator: bool = True,
     pose_delay: float = 0.015,
+    start: str = "air",
 ) -> dict[str, _Array]: ...
 
 @final

@@ -34,6 +34,24 @@ impl Route {
         Ok(Self { waypoints: padded, count: waypoints.len(), limits: *limits })
     }
 
+    /// The way-points of a trajectory, its start the first; `limits` may make it slower than it was.
+    ///
+    /// # Errors
+    /// More way-points than [`MAX_WAYPOINTS`], or limits that [`Trajectory::new`] refuses.
+    pub fn of(trajectory: &Trajectory, limits: &Limits) -> Result<Self, Error> {
+        let mut points = [*trajectory.start(); MAX_WAYPOINTS];
+        let mut count = 1;
+        for waypoint in trajectory.waypoints() {
+            let Some(slot) = points.get_mut(count) else {
+                let found = count + 1;
+                return Err(Error::Count { name: "way-points", found, min: 1, max: MAX_WAYPOINTS });
+            };
+            *slot = waypoint;
+            count += 1;
+        }
+        Self::new(points.get(..count).unwrap_or(&[]), limits)
+    }
+
     /// The way-points.
     #[must_use]
     pub fn waypoints(&self) -> &[Waypoint] {
