@@ -63,6 +63,7 @@ def simulate(
     estimator: bool = True,
     pose_delay: float = 0.015,
     start: str = "air",
+    truth: Truth | str | os.PathLike[str] | dict[str, Any] | None = None,
 ) -> dict[str, _Array]: ...
 
 @final

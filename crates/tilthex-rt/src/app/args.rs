@@ -105,6 +105,10 @@ pub(super) enum Action {
         /// Only faults of these kinds [default: all]
         #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
         faults: Vec<Kind>,
+        /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML
+        /// file with a [truth] table
+        #[arg(long, value_name = "LEVEL", default_value = "exact")]
+        truth: String,
     },
 }
 

@@ -95,10 +95,11 @@ impl Own {
 
     /// It hovers in a state, far above any ground; pushes count from power-on.
     #[must_use]
-    pub fn airborne(vehicle: Vehicle, pushes: Pushes, state: PlantState) -> Self {
+    pub fn airborne(plant: Plant, pushes: Pushes, state: PlantState, seed: u64) -> Self {
+        let effects = EffectsState::new(plant.effects(), seed);
         Self {
-            plant: Plant::new(vehicle),
-            state,
+            plant,
+            state: PlantState { effects, ..state },
             ground: None,
             pushes,
             external: Wrench::ZERO,

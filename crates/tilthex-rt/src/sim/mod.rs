@@ -94,6 +94,7 @@ pub struct Simulation<B = Own> {
     plant: Plant,
     body: B,
     sensors: Sensors,
+    own_sensors: SensorParams,
     firmware: Firmware,
     now: Micros,
 }
@@ -135,6 +136,7 @@ impl<B: Body> Simulation<B> {
             plant,
             body,
             sensors: Sensors::new(sensors, seed),
+            own_sensors: sensors,
             firmware: Firmware::new(plant.vehicle(), firmware),
             now: 0,
         }
@@ -191,6 +193,12 @@ impl<B: Body> Simulation<B> {
     /// The flight board, to do something to it.
     pub fn firmware_mut(&mut self) -> &mut Firmware {
         &mut self.firmware
+    }
+
+    /// Noise and errors that the sensors have where nothing was done to them.
+    #[must_use]
+    pub fn own_sensors(&self) -> &SensorParams {
+        &self.own_sensors
     }
 
     /// The sensors, to do something to them.
