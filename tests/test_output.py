@@ -8,6 +8,7 @@ import signal
 import subprocess
 import threading
 import time
+from pathlib import Path
 
 import pytest
 from test_programs import control_port, program, run, sentence, started, vehicle, wait_for
@@ -43,7 +44,7 @@ def full_pipe():
 
 def test_output_to_a_full_disk_does_not_touch_the_flight(tmp_path):
     log = tmp_path / "flight.mcap"
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         flown = fly(full, full, [*FLIGHT, "--log", log])
     assert flown.returncode == 0
     assert "bit for bit" in run("replay", log).stdout
@@ -106,7 +107,7 @@ def test_commands_whose_reader_leaves_do_not_panic(tmp_path, arguments):
     os.close(write)
     assert left.returncode == 0, left.stderr
     assert "panicked" not in left.stderr
-    with open("/dev/full", "w") as full:
+    with Path("/dev/full").open("w") as full:
         filled = fly(full, arguments=arguments)
     assert "panicked" not in filled.stderr
     if arguments != ["--help"]:
@@ -218,7 +219,7 @@ def test_a_circle_of_files_is_named(tmp_path, length):
 
 
 def test_the_simulated_vehicle_does_not_depend_on_its_output():
-    with full_pipe() as pipe, open("/dev/full", "w") as full:
+    with full_pipe() as pipe, Path("/dev/full").open("w") as full:
         for out in (pipe, full):
             process = subprocess.Popen([program("tilthex-sim")], stdout=out, stderr=out)
             time.sleep(0.5)

@@ -1,6 +1,6 @@
 """MCAP files without trust in what they say: whole ones, ones that break off, damaged ones.
 
-The same checks as in `tilthex-rt replay`: every length, every check sum, one pass before anything is given out.
+The same checks as in `tilthex-rt replay`: every length and check sum, before anything is given out.
 """
 
 from __future__ import annotations
@@ -22,9 +22,22 @@ MAX_RATIO = 50
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = range(1, 7)
 ATTACHMENT, METADATA, DATA_END = 9, 12, 15
 KINDS = (
-    "header, footer, schema, channel, message, chunk, message index, chunk index, attachment, attachment index, "
-    "statistics, metadata, metadata index, summary offset, end of the data"
-).split(", ")
+    "header",
+    "footer",
+    "schema",
+    "channel",
+    "message",
+    "chunk",
+    "message index",
+    "chunk index",
+    "attachment",
+    "attachment index",
+    "statistics",
+    "metadata",
+    "metadata index",
+    "summary offset",
+    "end of the data",
+)
 SHORT = "its fields do not fit into it"
 _HEAD = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -89,8 +102,8 @@ class Log:
             return f"the log breaks off in its index at byte {self.cut}: no message is missing{left_out}"
         first, last = self.times or (0, 0)
         return (
-            f"the log breaks off {(last - first) * 1e-9:.3f} s after its first message, at byte {self.cut} of {size}: "
-            f"what came later is missing (0.5 s at most where the program was killed){left_out}"
+            f"the log breaks off {(last - first) * 1e-9:.3f} s after its first message, at byte {self.cut} "
+            f"of {size}: what came later is missing (0.5 s at most where the program was killed){left_out}"
         )
 
 
@@ -185,7 +198,8 @@ def _scan(log: Log, data: memoryview) -> None:
             if len(tail) < len(MAGIC) and MAGIC.startswith(tail):
                 return _cut_at(log, at)
             raise Damaged(
-                f"is damaged at byte {at}: {len(tail)} bytes follow its footer; expected the 8 bytes that end an MCAP file"
+                f"is damaged at byte {at}: {len(tail)} bytes follow its footer; "
+                "expected the 8 bytes that end an MCAP file"
             )
 
 
@@ -213,16 +227,17 @@ def _take(log: Log, kind: int, body: memoryview, at: int) -> None:
         if log.unpacked > MAX_RATIO * len(log.data):
             raise Damaged(f"the chunks unpack to more than {MAX_RATIO} times the file; a flight does not")
         unpacked = memoryview(_unpack(size, compression, check_sum, packed))
-        for inner_kind, inner, place in _records(unpacked):
-            try:
+        place = 0
+        try:
+            for inner_kind, inner, place in _records(unpacked):  # noqa: B007  # noqa: B007
                 if inner_kind == MESSAGE:
                     _check_message(log, inner)
                 elif inner_kind in (SCHEMA, CHANNEL):
                     _declare(log, inner_kind, inner)
                 else:
                     raise Damaged(f"a record of kind {inner_kind} does not belong there")
-            except Damaged as error:
-                raise Damaged(f"at byte {place} of what it unpacks to, {error}") from None
+        except Damaged as error:
+            raise Damaged(f"behind byte {place} of what it unpacks to, {error}") from None
     elif kind == ATTACHMENT:
         fields.take(16)
         name, _, data = fields.text(), fields.text(), fields.take(fields.number(8))
@@ -343,10 +358,7 @@ def _records(data: memoryview) -> Iterator[tuple[int, memoryview, int]]:
     """Kind, body and place of the records in a chunk."""
     at = 0
     while at < len(data):
-        try:
-            kind, body = _record(data, at)
-        except Damaged as error:
-            raise Damaged(f"at byte {at} of what it unpacks to, {error}") from None
+        kind, body = _record(data, at)
         yield kind, body, at
         at += _HEAD.size + len(body)
 

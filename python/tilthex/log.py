@@ -54,8 +54,8 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
 
     Each topic's columns are named by the path of the field in the message, with a point between names:
     `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is when the message was
-    logged, s since 1970. Quaternions are (x, y, z, w). `phase` is a name: disarmed, starting, grounded, flying,
-    holding, landing or emergency.
+    logged, s since 1970. Quaternions are (x, y, z, w). `phase` is a name: disarmed, starting, grounded,
+    flying, holding, landing or emergency.
 
     Raises:
         ValueError: The file is no log of tilthex-rt, is damaged (with the place), or lacks a topic.
@@ -82,7 +82,12 @@ def flying(phase: NDArray[Any]) -> NDArray[np.bool_]:
 
 
 class Log:
-    """A log, found sound: `configuration`, its effective set-up, TOML, and `missing`, a sentence where it breaks off."""
+    """A log, found sound.
+
+    Attributes:
+        configuration: Its effective set-up, TOML.
+        missing: What is missing of a log that breaks off, as a sentence; None for a whole log.
+    """
 
     def __init__(self, path: str | Path) -> None:
         try:
@@ -100,11 +105,12 @@ class Log:
             if self.missing and self._log.times is None:
                 size = len(self._log.data)
                 raise ValueError(
-                    f"{path} breaks off after {size} bytes, before the set-up that a log begins with: nothing can be read"
+                    f"{path} breaks off after {size} bytes, before the set-up that a log begins with: "
+                    "nothing can be read"
                 )
             raise ValueError(
-                f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: no set-up "
-                "(config.toml) is attached"
+                f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: "
+                "no set-up (config.toml) is attached"
             )
         self.configuration = attached.decode(errors="replace")
         if self.missing:
@@ -121,11 +127,13 @@ class Log:
 
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
         """Log time, s, and message of a topic, in the order of the file."""
-        for number, time, data in self._log.messages(self._channels(topic)):
-            try:
+        from google.protobuf.message import DecodeError
+
+        try:
+            for number, time, data in self._log.messages(self._channels(topic)):
                 yield time * 1e-9, self._decoders[number](data)
-            except Exception as error:
-                raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
+        except DecodeError as error:
+            raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
 
     def columns(self, topic: str) -> Columns:
         """The messages of a topic as columns, as of `read`."""
@@ -174,8 +182,8 @@ def _columns(messages: list[Any]) -> Columns:
     """Field by field: how each is read follows once from the kind of message."""
     columns: Columns = {}
     for name, paths, names in _fields("", messages[0].DESCRIPTOR):
-        get = attrgetter(*paths)
-        rows = [get(message) for message in messages]
+        get: Callable[[Any], Any] = attrgetter(*paths)
+        rows: list[Any] = [get(message) for message in messages]
         if names is not None:
             columns[name] = np.array([names.get(row, str(row)) for row in rows])
         elif hasattr(rows[0], "append"):
