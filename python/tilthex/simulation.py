@@ -1,4 +1,4 @@
-"""A whole closed loop, simulated in Rust."""
+"""A whole flight, simulated in Rust."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ class Run(dict[str, NDArray[np.float64]]):
     `reference_position`, `reference_rotation` of the tool; `position_error`,
     `rotation_error` of the pose controller; `wrench_robot`, `wrench_tool` as
     observed, `wrench_true` at the tool; `rotor_speeds`, `rotor_command` Hz;
-    `saturated` 0 or 1.
+    `saturated` 0 or 1; `phase` 0 disarmed, 1 starting, 2 grounded, 3 flying,
+    4 holding, 5 landing, 6 emergency.
     """
 
     def to_dataframe(self) -> pd.DataFrame:
@@ -53,16 +54,18 @@ def simulate(
     seed: int = 0,
     estimator: bool = True,
     pose_delay: float = 0.015,
+    start: str = "air",
 ) -> Run:
-    """Flies the controller on the plant, in Rust and without the GIL.
+    """Flies the flight of `tilthex-rt` on the simulated vehicle, in Rust and without the GIL.
 
     Args:
         config: The set-up; its vehicle is flown.
         duration: Length, s.
-        setpoint: A tool pose to hold; the flight begins at rest there. Either this or
-        trajectory: A way of the tool; the flight begins at rest on its start.
+        setpoint: A tool pose to hold. Either this or
+        trajectory: A way of the tool.
         pushes: What pushes the tool: dicts with `at` and `duration`, s, and
-            `force`, N, or `torque`, N m, or both, (3,), world, at the tip.
+            `force`, N, or `torque`, N m, or both, (3,), world, at the tip. `at` counts from the begin
+            in the air, or from the motors' start.
         noise: Times the noise of the experiments: 1 sigma of 0.3 mm, 2 mrad, 5 mrad/s,
             0.15 m/s^2 and 0.1 Hz; 0 for ideal sensors.
         gyro_bias: Constant bias of the gyroscope, rad/s, IMU axes, (3,).
@@ -71,6 +74,8 @@ def simulate(
         estimator: Whether the controller is given the estimator's state, from
             inertial samples at 500 Hz and poses at 100 Hz; otherwise the true pose and twist.
         pose_delay: Age of a captured pose when it arrives, s.
+        start: "air" begins at rest with the tool on its first set-point; "ground" begins with the motors off,
+            takes off, hovers and then flies to the set-point or along the trajectory.
     """
     return Run(
         _core.simulate(
@@ -85,5 +90,6 @@ def simulate(
             seed=seed,
             estimator=estimator,
             pose_delay=pose_delay,
+            start=start,
         )
     )

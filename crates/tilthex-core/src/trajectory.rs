@@ -104,6 +104,17 @@ impl Trajectory {
         Self { start, legs: [blank; MAX_WAYPOINTS], count: 0 }
     }
 
+    /// Where it begins.
+    #[must_use]
+    pub fn start(&self) -> &Waypoint {
+        &self.start
+    }
+
+    /// Its way-points after the start, each with the duration of the way there.
+    pub fn waypoints(&self) -> impl Iterator<Item = Waypoint> + '_ {
+        self.legs().iter().map(|leg| Waypoint { duration: leg.duration, ..leg.to })
+    }
+
     fn legs(&self) -> &[Leg] {
         self.legs.get(..self.count).unwrap_or(&[])
     }

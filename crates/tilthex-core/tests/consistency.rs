@@ -151,15 +151,15 @@ fn fly(seed: u64, trouble: &Trouble, tally: &mut Tally) {
     let mut memory = ControllerState::default();
     let begin = setpoint(&motion, &vehicle, 0.0);
     let rotation = begin.rotation_we * vehicle.tool().rotation_r.transpose();
-    let mut state = PlantState {
-        robot: RobotState {
+    let mut state = PlantState::new(
+        RobotState {
             position_w: begin.position_w - rotation * vehicle.tool().position_r,
             rotation_wr: rotation,
             velocity_w: random.normal3(0.05),
             angular_velocity_r: Vector3::zeros(),
         },
-        rotor_speeds: vehicle.hover_speeds(&rotation),
-    };
+        vehicle.hover_speeds(&rotation),
+    );
     let mut estimator = Estimator::new(params).unwrap();
     // The first pose errs as its covariance says, about the IMU's own position.
     let turn = so3::exp(&random.normal3(params.initial.rotation)) * rotation;

@@ -106,10 +106,10 @@ proptest! {
         prop_assume!(axis.norm() > 0.1);
         let wrong = wanted * so3::exp(&(axis.normalize() * angle));
         let vehicle = ideal();
-        let state = PlantState {
-            robot: RobotState { rotation_wr: wrong, ..RobotState::at_rest(offset) },
-            rotor_speeds: vehicle.hover_speeds(&wrong),
-        };
+        let state = PlantState::new(
+            RobotState { rotation_wr: wrong, ..RobotState::at_rest(offset) },
+            vehicle.hover_speeds(&wrong),
+);
         let mut flown = Loop::new(vehicle, params(), SensorParams::IDEAL, state);
         let tool = vehicle.tool();
         let setpoint = Setpoint::hold(wanted * tool.position_r, wanted * tool.rotation_r);
@@ -133,10 +133,10 @@ proptest! {
     ) {
         let vehicle = tilt_hex();
         let turn = so3::rot_z(yaw);
-        let begin = |q: &Matrix3| PlantState {
-            robot: RobotState { rotation_wr: q * so3::exp(&tilt), ..RobotState::at_rest(q * start) },
-            rotor_speeds: vehicle.hover_speeds(&Matrix3::identity()),
-        };
+        let begin = |q: &Matrix3| PlantState::new(
+            RobotState { rotation_wr: q * so3::exp(&tilt), ..RobotState::at_rest(q * start) },
+            vehicle.hover_speeds(&Matrix3::identity()),
+);
         let mut a = Loop::new(vehicle, params(), SensorParams::IDEAL, begin(&Matrix3::identity()));
         let mut b = Loop::new(vehicle, params(), SensorParams::IDEAL, begin(&turn));
         let sa = Setpoint::hold(Vector3::new(0.2, 0.1, 0.3), Matrix3::identity());

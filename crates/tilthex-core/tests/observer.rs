@@ -43,10 +43,10 @@ proptest! {
     ) {
         let plant = Plant::new(vehicle);
         let observer = observer(&vehicle, l, k);
-        let mut state = PlantState {
-            robot: RobotState { rotation_wr, angular_velocity_r: omega, ..RobotState::at_rest(Vector3::zeros()) },
-            rotor_speeds: RotorVector::zeros(),
-        };
+        let mut state = PlantState::new(
+            RobotState { rotation_wr, angular_velocity_r: omega, ..RobotState::at_rest(Vector3::zeros()) },
+            RotorVector::zeros(),
+);
         let mut seen = WrenchObserverState::default();
         for _ in 0..100 {
             let estimate = observer.step(&mut seen, &measure(&plant, &state, &Wrench::ZERO), dt);
@@ -108,10 +108,10 @@ proptest! {
     ) {
         let plant = Plant::new(vehicle);
         let observer = observer(&vehicle, k, k);
-        let mut state = PlantState {
-            robot: RobotState { rotation_wr, angular_velocity_r: omega, ..RobotState::at_rest(Vector3::zeros()) },
-            rotor_speeds: RotorVector::zeros(),
-        };
+        let mut state = PlantState::new(
+            RobotState { rotation_wr, angular_velocity_r: omega, ..RobotState::at_rest(Vector3::zeros()) },
+            RotorVector::zeros(),
+);
         let mut seen = WrenchObserverState::default();
         let dt = 1e-3;
         for i in 0..300 {
@@ -132,10 +132,10 @@ proptest! {
         let observer = observer(&vehicle, l, k);
         let external = Wrench { force, torque: Vector3::zeros() };
         let hover = vehicle.hover_speeds(&rotation_wr);
-        let mut state = PlantState {
-            robot: RobotState { rotation_wr, ..RobotState::at_rest(Vector3::zeros()) },
-            rotor_speeds: hover,
-        };
+        let mut state = PlantState::new(
+            RobotState { rotation_wr, ..RobotState::at_rest(Vector3::zeros()) },
+            hover,
+);
         let mut seen = WrenchObserverState::default();
         for _ in 0..100 {
             let estimate = observer.step(&mut seen, &measure(&plant, &state, &external), 0.002);

@@ -26,7 +26,7 @@ proptest! {
             Vehicle::new(2.4, inertia, hex.rotors(), 0.03, Mounting::default(), Mounting::default()).unwrap();
         let plant = Plant::new(vehicle);
         let robot = RobotState { position_w: Vector3::zeros(), velocity_w, rotation_wr, angular_velocity_r: omega };
-        let mut state = PlantState { robot, rotor_speeds: RotorVector::zeros() };
+        let mut state = PlantState::new(robot, RotorVector::zeros());
         let rotational = |s: &PlantState| 0.5 * s.robot.angular_velocity_r.dot(&(inertia * s.robot.angular_velocity_r));
         let momentum = |s: &PlantState| s.robot.rotation_wr * inertia * s.robot.angular_velocity_r;
         let (e0, h0) = (rotational(&state), momentum(&state));

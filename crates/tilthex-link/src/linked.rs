@@ -76,6 +76,7 @@ impl LinkedFlight {
             poses: input.poses,
             command: input.command,
             host: input.host,
+            known: None,
         };
         self.flight.tick(&measured, &mut out.commanded);
         self.link.command(&out.commanded.motors, input.time, &mut out.wire.sent);

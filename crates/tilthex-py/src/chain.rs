@@ -1,5 +1,4 @@
-//! `tilthex.Loop`: estimator and controller as one call a control period, for
-//! worlds that are simulated elsewhere.
+//! `tilthex.Loop`: the flight as one call a control period, for worlds that are simulated elsewhere.
 
 use crate::{
     config::Config,
@@ -7,12 +6,14 @@ use crate::{
     setpoint::Setpoint,
 };
 use numpy::{PyArray1, PyArrayMethods};
-use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
+use std::collections::VecDeque;
 use tilthex_core::{
     RobotState,
-    controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
-    estimator::Estimator,
+    flight::{
+        AirborneStart, Command, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured,
+        Record, Telemetry,
+    },
     types::PoseSample,
 };
 
@@ -37,13 +38,14 @@ const COLUMNS: [(&str, usize); 14] = [
 /// A pose as it arrives: when it arrived, when it was taken (s), position (3,), rotation (3, 3).
 type ArrivedPose<'py> = (f64, f64, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// The chain from measurements to rotor speeds with its own record: state
-/// estimator and controller, one call a control period.
+/// The flight that `tilthex-rt` flies, from measurements to rotor speeds, with its own record: one
+/// call a control period. It begins in the air and follows the set-points that it is given.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Loop {
-    controller: Controller,
-    state: ControllerState,
-    estimator: Box<Estimator>,
+    flight: Box<Flight>,
+    telemetry: Telemetry,
+    commanded: Box<Commanded>,
+    poses: VecDeque<PoseSample>,
     count: usize,
     last: Option<f64>,
     rows: Vec<f64>,
@@ -53,41 +55,47 @@ pub(crate) struct Loop {
 impl Loop {
     #[new]
     fn new(config: &Config) -> PyResult<Self> {
-        let vehicle = *config.checked.vehicle.vehicle();
-        let estimator = config.checked.estimator_params().map_err(convert::config_error)?;
+        let mut params = config.checked.flight_params(true).map_err(convert::config_error)?;
+        // Whoever gives every set-point may let it jump.
+        params.guidance.max_setpoint_jump = f64::INFINITY;
+        let count = params.vehicle.rotor_count();
         Ok(Self {
-            controller: Controller::new(vehicle, *config.checked.controller())
-                .map_err(convert::value_error)?,
-            state: ControllerState::default(),
-            estimator: Box::new(Estimator::new(estimator).map_err(convert::value_error)?),
-            count: vehicle.rotor_count(),
+            flight: Box::new(Flight::new(params, None).map_err(convert::value_error)?),
+            telemetry: Telemetry::new(count),
+            commanded: Box::default(),
+            poses: VecDeque::new(),
+            count,
             last: None,
             rows: Vec::new(),
         })
     }
 
-    /// Starts the estimator from a pose: position (3,), m, world; rotation `R_WR`, (3, 3).
+    /// Begins in the air, at rest, with the estimator at a pose of the captured body: position (3,), m,
+    /// world; rotation `R_WR`, (3, 3). time: before the first step, s.
     fn initialize(
         &mut self,
         time: f64,
         position: &Bound<'_, PyAny>,
         rotation: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
-        let (position, rotation) =
-            (convert::vector("position", position)?, convert::rotation("rotation", rotation)?);
+        let start = AirborneStart {
+            time,
+            position_w: convert::vector("position", position)?,
+            rotation_wc: convert::rotation("rotation", rotation)?,
+            trajectory: None,
+        };
+        self.flight.begin_in_air(&start).map_err(convert::value_error)?;
         self.last = Some(time);
-        self.estimator.initialize(time, &position, &rotation).map_err(convert::value_error)
+        Ok(())
     }
 
     /// One control period with the estimator, from measurements to rotor speeds, Hz, (n,).
     ///
     /// time: of the inertial sample, s. gyro, specific_force: (3,), rad/s and m/s^2, IMU axes.
     /// rotor_speeds: measured, (n,), Hz. poses: those that arrived since the last call, each
-    /// (arrival, time, position, rotation). compliant: whether contact moves the reference.
-    /// learn_bias: whether this is a contact-free hover whose mean wrench is the bias.
-    #[pyo3(signature = (
-        time, gyro, specific_force, rotor_speeds, poses, setpoint, *, compliant=true, learn_bias=false
-    ))]
+    /// (arrival, time, position, rotation). learn_bias: whether this is a contact-free hover whose
+    /// mean wrench is the bias; contact does not move the reference meanwhile.
+    #[pyo3(signature = (time, gyro, specific_force, rotor_speeds, poses, setpoint, *, learn_bias=false))]
     #[expect(clippy::too_many_arguments, reason = "one call a period")]
     fn step<'py>(
         &mut self,
@@ -98,14 +106,16 @@ impl Loop {
         rotor_speeds: &Bound<'py, PyAny>,
         poses: Vec<ArrivedPose<'py>>,
         setpoint: &Setpoint,
-        compliant: bool,
         learn_bias: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let gyro = convert::vector("gyro", gyro)?;
-        let specific_force = convert::vector("specific_force", specific_force)?;
-        self.estimator.predict(time, &gyro, &specific_force);
+        let sample = Inertial {
+            time,
+            gyro_i: convert::vector("gyro", gyro)?,
+            specific_force_i: convert::vector("specific_force", specific_force)?,
+            shaken: false,
+        };
         for (arrival, taken, position, rotation) in &poses {
-            self.estimator.update_pose(&PoseSample {
+            self.poses.push_back(PoseSample {
                 time: *taken,
                 arrival: *arrival,
                 position_w: convert::vector("position of a pose", position)?,
@@ -113,23 +123,15 @@ impl Loop {
                 tracking_valid: true,
             });
         }
-        let input = ControllerInput {
-            state: self.estimator.robot_state(),
-            specific_force_r: self.estimator.specific_force_r(),
-            rotor_speeds: convert::rotors("rotor_speeds", rotor_speeds, self.count)?,
-            setpoint: setpoint.0,
-            compliant,
-            learn_bias,
-            lost_rotors: 0,
-            fixed_attitude: false,
-        };
-        self.control(py, time, &input)
+        self.telemetry.begin_tick();
+        self.telemetry.inertial.push(time, sample);
+        self.tick(py, time, rotor_speeds, setpoint, learn_bias, None)
     }
 
     /// One control period without the estimator: as [`Controller.step`], for a state that is known.
     #[pyo3(signature = (
         time, *, position, velocity, rotation, angular_velocity, specific_force, rotor_speeds, setpoint,
-        compliant=true, learn_bias=false
+        learn_bias=false
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn step_from<'py>(
@@ -143,25 +145,31 @@ impl Loop {
         specific_force: &Bound<'py, PyAny>,
         rotor_speeds: &Bound<'py, PyAny>,
         setpoint: &Setpoint,
-        compliant: bool,
         learn_bias: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let input = ControllerInput {
-            state: RobotState {
-                position_w: convert::vector("position", position)?,
-                velocity_w: convert::vector("velocity", velocity)?,
-                rotation_wr: convert::rotation("rotation", rotation)?,
-                angular_velocity_r: convert::vector("angular_velocity", angular_velocity)?,
-            },
-            specific_force_r: convert::vector("specific_force", specific_force)?,
-            rotor_speeds: convert::rotors("rotor_speeds", rotor_speeds, self.count)?,
-            setpoint: setpoint.0,
-            compliant,
-            learn_bias,
-            lost_rotors: 0,
-            fixed_attitude: false,
+        let robot = RobotState {
+            position_w: convert::vector("position", position)?,
+            velocity_w: convert::vector("velocity", velocity)?,
+            rotation_wr: convert::rotation("rotation", rotation)?,
+            angular_velocity_r: convert::vector("angular_velocity", angular_velocity)?,
         };
-        self.control(py, time, &input)
+        let specific_force_r = convert::vector("specific_force", specific_force)?;
+        self.telemetry.begin_tick();
+        self.telemetry.inertial.heard = time;
+        let known = KnownState { robot, specific_force_r };
+        self.tick(py, time, rotor_speeds, setpoint, learn_bias, Some(known))
+    }
+
+    /// Phase of the flight after the last step: "flying", "holding", "landing", "emergency".
+    #[getter]
+    fn phase(&self) -> &'static str {
+        self.flight.supervisor().phase().name()
+    }
+
+    /// Names of the faults that last.
+    #[getter]
+    fn faults(&self) -> Vec<&'static str> {
+        self.flight.supervisor().active().rows().map(|row| row.name).collect()
     }
 
     /// The record as a dict of arrays, (N, k), one row a period; rotations row by row.
@@ -185,35 +193,52 @@ impl Loop {
 }
 
 impl Loop {
-    fn control<'py>(
+    fn tick<'py>(
         &mut self,
         py: Python<'py>,
         time: f64,
-        input: &ControllerInput,
+        rotor_speeds: &Bound<'py, PyAny>,
+        setpoint: &Setpoint,
+        learn_bias: bool,
+        known: Option<KnownState>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let dt = convert::period(time - self.last.unwrap_or(time - 0.002))?;
-        self.last = Some(time);
-        let output = self.controller.step(&mut self.state, input, dt);
-        self.keep(input, &output);
-        Ok(array1(py, &output.rotor_speeds.as_slice()[..self.count]))
+        let Some(last) = self.last.replace(time) else {
+            return Err(PyValueError::new_err("the loop has not begun; call initialize first"));
+        };
+        convert::period(time - last)?;
+        self.telemetry.hear_motors(time, &convert::rotors("rotor_speeds", rotor_speeds, self.count)?);
+        let arrived = self.poses.len().min(MAX_POSES);
+        let poses: Vec<_> = self.poses.drain(..arrived).collect();
+        let measured = Measured {
+            time,
+            telemetry: &self.telemetry,
+            poses: &poses,
+            command: Some(&Command::Follow(setpoint.0)),
+            host: HostFacts::default(),
+            known,
+        };
+        self.flight.set_learning(learn_bias);
+        self.flight.tick(&measured, &mut self.commanded);
+        self.keep();
+        Ok(array1(py, &self.commanded.record.rotor_command.as_slice()[..self.count]))
     }
 
-    fn keep(&mut self, input: &ControllerInput, output: &ControllerOutput) {
-        let (asked, given, robot) = (&input.setpoint, &output.reference, &input.state);
-        let rows = &mut self.rows;
-        rows.extend(&asked.position_w);
-        rows.extend(&asked.rotation_we.transpose());
-        rows.extend(&given.position_w);
-        rows.extend(&given.rotation_we.transpose());
-        rows.extend(&given.velocity_w);
-        rows.extend(&robot.position_w);
-        rows.extend(&robot.velocity_w);
-        rows.extend(&robot.rotation_wr.transpose());
-        rows.extend(&output.pose.position_error_w);
-        rows.extend(&output.pose.rotation_error_r);
-        rows.extend(&output.wrench_robot.to_vector());
-        rows.extend(&output.wrench_tool_w.to_vector());
-        rows.extend(&output.wrench_admittance_w.to_vector());
-        rows.push(f64::from(u8::from(output.allocation.saturated)));
+    fn keep(&mut self) {
+        let Record { setpoint, reference, state, .. } = &self.commanded.record;
+        let (record, rows) = (&self.commanded.record, &mut self.rows);
+        rows.extend(&setpoint.position_w);
+        rows.extend(&setpoint.rotation_we.transpose());
+        rows.extend(&reference.position_w);
+        rows.extend(&reference.rotation_we.transpose());
+        rows.extend(&reference.velocity_w);
+        rows.extend(&state.position_w);
+        rows.extend(&state.velocity_w);
+        rows.extend(&state.rotation_wr.transpose());
+        rows.extend(&record.position_error_w);
+        rows.extend(&record.rotation_error_r);
+        rows.extend(&record.wrench_robot.to_vector());
+        rows.extend(&record.wrench_tool_w.to_vector());
+        rows.extend(&record.wrench_admittance_w.to_vector());
+        rows.push(f64::from(u8::from(record.saturated)));
     }
 }

@@ -12,6 +12,7 @@ mod setpoint;
 mod simulate;
 mod so3;
 mod trajectory;
+mod truth;
 mod ukf;
 mod vehicle;
 
@@ -37,6 +38,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<setpoint::Reference>()?;
     module.add_class::<setpoint::Setpoint>()?;
     module.add_class::<trajectory::Trajectory>()?;
+    module.add_class::<truth::Drawn>()?;
+    module.add_class::<truth::Effects>()?;
+    module.add_class::<truth::SensorErrors>()?;
+    module.add_class::<truth::Truth>()?;
     module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
     module.add_class::<ukf::Ukf>()?;
     module.add_class::<ukf::UkfRun>()?;

@@ -2,6 +2,7 @@
 
 use crate::{
     convert::{self, array1, array2},
+    truth::Effects,
     vehicle::Vehicle,
 };
 use numpy::{PyArray1, PyArray2};
@@ -12,7 +13,7 @@ use tilthex_core::{
 };
 
 /// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10).
-/// It begins in a level hover.
+/// It begins in a level hover. With `effects` of a `Truth.draw`, they act on it.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Plant {
     block: Block,
@@ -23,11 +24,21 @@ pub(crate) struct Plant {
 #[pymethods]
 impl Plant {
     #[new]
-    #[pyo3(signature = (vehicle, position=None))]
-    fn new(vehicle: &Vehicle, position: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let block = Block::new(*vehicle.core());
+    #[pyo3(signature = (vehicle, position=None, *, effects=None))]
+    fn new(
+        vehicle: &Vehicle,
+        position: Option<&Bound<'_, PyAny>>,
+        effects: Option<PyRef<'_, Effects>>,
+    ) -> PyResult<Self> {
         let position = position.map_or(Ok(Vector3::zeros()), |p| convert::vector("position", p))?;
-        Ok(Self { block, state: block.hover(position), external: Wrench::ZERO })
+        let Some(effects) = effects else {
+            let block = Block::new(*vehicle.core());
+            return Ok(Self { block, state: block.hover(position), external: Wrench::ZERO });
+        };
+        let block = Block::with_effects(*vehicle.core(), effects.block).map_err(convert::value_error)?;
+        let mut state = block.hover(position);
+        state.effects = effects.state;
+        Ok(Self { block, state, external: Wrench::ZERO })
     }
 
     /// Moves on by `dt` seconds under commanded rotor speeds, (n,), Hz, and
@@ -130,6 +141,12 @@ impl Plant {
     #[getter]
     fn tool_rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array2(py, &self.block.tool_pose(&self.state).1)
+    }
+
+    /// What the effects do to the airframe, (6,): force and torque in robot coordinates, at the centre of mass.
+    #[getter]
+    fn effects_wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        convert::wrench_array(py, &self.block.effects_wrench(&self.state))
     }
 
     /// Kinetic energy, J.

@@ -5,18 +5,18 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use tilthex_core::{Vector3, plant::SensorParams};
+use tilthex_core::{Vector3, flight::Route, plant::SensorParams};
 use tilthex_rt::{
     sim::pushes::{Push, Pushes},
-    simulate::{Scenario, run},
+    simulate::{Scenario, Start, run},
 };
 
-/// Simulates a whole closed loop: plant, noisy sensors, estimator, controller.
+/// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`.
 /// Returns a dict of (N, k) arrays, one row a control period of 2 ms.
 #[pyfunction]
 #[pyo3(signature = (
     config, *, duration, setpoint=None, trajectory=None, pushes=None, noise=1.0, gyro_bias=None,
-    accelerometer_bias=None, seed=0, estimator=true, pose_delay=0.015
+    accelerometer_bias=None, seed=0, estimator=true, pose_delay=0.015, start="air"
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
 pub(crate) fn simulate<'py>(
@@ -32,17 +32,30 @@ pub(crate) fn simulate<'py>(
     seed: u64,
     estimator: bool,
     pose_delay: f64,
+    start: &str,
 ) -> PyResult<Bound<'py, PyDict>> {
     let trajectory = match (setpoint, trajectory) {
         (Some(Setpoint(s)), None) => tilthex_core::trajectory::Trajectory::hold(s.position_w, s.rotation_we),
         (None, Some(Trajectory(t))) => t,
         _ => return Err(PyValueError::new_err("expected one of setpoint and trajectory")),
     };
+    let start = match start {
+        "air" => Start::Air(trajectory),
+        "ground" => {
+            let limits = config.checked.mission.limits();
+            Start::Ground(Some(Route::of(&trajectory, &limits).map_err(convert::value_error)?))
+        }
+        other => {
+            return Err(PyValueError::new_err(format!(
+                "start is \"{other}\"; expected \"air\" or \"ground\""
+            )));
+        }
+    };
     let pushes = pushes.unwrap_or_default();
     let pushes = pushes.iter().enumerate().map(|(i, p)| push(i, p));
     let scenario = Scenario {
         config: &config.checked,
-        trajectory,
+        start,
         pushes: Pushes::new(pushes.collect::<PyResult<_>>()?),
         duration: convert::number("duration", duration, 0.0, 1e5)?,
         sensors: sensors(convert::number("noise", noise, 0.0, 1e3)?, gyro_bias, accelerometer_bias)?,
@@ -89,5 +102,6 @@ fn sensors(
         rotor_speed: scale * n.rotor_speed,
         gyro_bias_i: bias("gyro_bias", gyro_bias)?,
         accelerometer_bias_i: bias("accelerometer_bias", accelerometer_bias)?,
+        ..n
     })
 }

@@ -117,6 +117,36 @@ impl Vehicle {
         array1(py, &limits).reshape([rotors.len(), 2])
     }
 
+    /// Each rotor as a dict of the keys of `[[vehicle.rotors]]`: `position`, m, and `axis` in robot coordinates,
+    /// `spin`, `thrust_coefficient`, N/Hz^2, `drag_coefficient`, N m/Hz^2, `min_speed` and `max_speed`, Hz.
+    #[getter]
+    fn rotors<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let rotor = |r: &tilthex_core::Rotor| {
+            let keys = PyDict::new(py);
+            keys.set_item("position", <[f64; 3]>::from(r.position_r))?;
+            keys.set_item("axis", <[f64; 3]>::from(r.axis_r))?;
+            keys.set_item("spin", r.spin)?;
+            keys.set_item("thrust_coefficient", r.thrust_coefficient)?;
+            keys.set_item("drag_coefficient", r.drag_coefficient)?;
+            keys.set_item("min_speed", r.min_speed)?;
+            keys.set_item("max_speed", r.max_speed)?;
+            Ok(keys)
+        };
+        self.core().rotors().iter().map(rotor).collect()
+    }
+
+    /// The `[vehicle]` section as TOML, complete, every key with its meaning and unit; `from_toml` reads it.
+    fn to_toml(&self) -> String {
+        self.section.to_toml()
+    }
+
+    /// The same with some keys changed: `vehicle.replace(mass=2.5, tool_position=[0.1, 0.0, -0.4])`.
+    #[pyo3(signature = (**keys))]
+    fn replace(&self, keys: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        let table = keys.map_or_else(|| Ok(toml::Table::new()), |k| convert::table("keys", k))?;
+        Ok(Self { section: self.section.overlaid(table).map_err(convert::config_error)? })
+    }
+
     /// What the vehicle can track, by the rank of the allocation matrix: "position and attitude" (6),
     /// "position, heading and the tilt about one axis" (5), "position and heading" (4).
     #[getter]

@@ -11,7 +11,7 @@ use tilthex_core::{
 use tilthex_rt::{
     config::{Config, VehicleSection},
     sim::pushes::Pushes,
-    simulate::{PERIOD, Scenario, run},
+    simulate::{PERIOD, Scenario, Start, run},
 };
 
 fn tilt_hex() -> Config {
@@ -44,7 +44,7 @@ fn closed_loop(c: &mut Criterion) {
     for (name, estimate) in [("exact state", false), ("estimator", true)] {
         let scenario = Scenario {
             config: &config,
-            trajectory: Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity()),
+            start: Start::Air(Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity())),
             pushes: Pushes::default(),
             duration: 1000.0 * PERIOD,
             sensors: SensorParams::EXPERIMENTS,

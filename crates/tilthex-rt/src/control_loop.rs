@@ -1,7 +1,7 @@
 //! The loop: sleep, read what is there, tick, write, hand the record over.
 //!
 //! Its thread neither allocates, locks nor logs, and waits on nothing but the
-//! clock. Its system calls are `clock_nanosleep`, `read` and `write` on the port
+//! clock. Its system calls are `clock_nanosleep`, `ioctl` (`FIONREAD`), `read` and `write` on the port
 //! (and `clock_gettime`, which the kernel answers without a call).
 
 use std::{

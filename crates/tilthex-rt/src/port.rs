@@ -96,8 +96,17 @@ impl Port {
     }
 
     /// Reads what has come, at most `buffer`; `None` when the other end is gone. Never waits; safe in the loop.
+    ///
+    /// A `read` of a terminal that has no input waits in the kernel, non-blocking or not, until the
+    /// work queue that moves its bytes has run (`n_tty_read`, `tty_buffer_flush_work`), at ordinary
+    /// priority: up to a second beside other load. So the kernel is asked first how much is there.
     pub fn read(&self, buffer: &mut [u8]) -> Option<usize> {
-        match rustix::io::read(&self.fd, buffer) {
+        let there = match rustix::io::ioctl_fionread(&self.fd) {
+            Ok(0) | Err(Errno::INTR) => return Some(0),
+            Ok(count) => buffer.len().min(usize::try_from(count).unwrap_or(usize::MAX)),
+            Err(_) => return None,
+        };
+        match rustix::io::read(&self.fd, buffer.get_mut(..there).unwrap_or_default()) {
             Ok(0) => None,
             Ok(n) => Some(n),
             Err(Errno::AGAIN | Errno::INTR) => Some(0),
@@ -230,6 +239,28 @@ mod tests {
         assert_eq!(slave.read(&mut [0; 16]), Some(0));
         while slave.write(&[0x55; 64]) == Written::Whole {}
         assert_eq!(slave.short_writes(), 1);
+    }
+
+    /// Calls of `read` that this thread has made.
+    fn reads() -> u64 {
+        let counts = fs::read_to_string("/proc/thread-self/io").expect("a kernel that counts");
+        let line = counts.lines().find_map(|line| line.strip_prefix("syscr: ")).expect("counted");
+        line.parse().expect("a number")
+    }
+
+    #[test]
+    fn an_empty_line_is_not_read() {
+        let (mut master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+        let slave = Port::open(path.to_str().expect("plain"), 0).expect("opens");
+        let of_counting = reads();
+        let of_counting = reads() - of_counting;
+        let before = reads();
+        for _ in 0..1000 {
+            assert_eq!(slave.read(&mut [0; 16]), Some(0));
+        }
+        assert_eq!(reads() - before, of_counting, "a read of an empty terminal waits in the kernel");
+        assert_eq!(master.write(b"^I$"), Written::Whole);
+        assert_eq!(read_all(&slave, 3), b"^I$");
     }
 
     #[test]

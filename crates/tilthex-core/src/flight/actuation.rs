@@ -24,21 +24,21 @@ impl Flight {
             Phase::Grounded => {
                 self.ramp += dt;
                 let part = (self.ramp / RAMP).min(1.0);
-                let hover = self.params.vehicle.hover_speeds(&self.estimator.robot_state().rotation_wr);
+                let hover = self.params.vehicle.hover_speeds(&self.robot_state().rotation_wr);
                 let ramped = self.min_speeds + (hover * RAMP_END - self.min_speeds) * part;
                 self.accept(&ramped);
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                let robot = self.estimator.robot_state();
+                let robot = self.robot_state();
                 let guided =
                     self.guidance.step(phase, self.descent(), &robot, self.params.vehicle.tool(), dt);
                 let input = ControllerInput {
                     state: robot,
-                    specific_force_r: self.estimator.specific_force_r(),
+                    specific_force_r: self.specific_force_r(),
                     rotor_speeds: *rotor_speeds,
                     setpoint: guided.setpoint,
-                    compliant: guided.compliant,
-                    learn_bias: guided.learn_bias,
+                    compliant: guided.compliant && !self.learns,
+                    learn_bias: guided.learn_bias || self.learns,
                     lost_rotors: self.lost,
                     fixed_attitude: phase == Phase::Emergency,
                 };
@@ -70,7 +70,8 @@ impl Flight {
 
     fn descent(&self) -> Descent {
         // A NaN is not known either.
-        let known = self.estimator.health().velocity_deviation <= MAX_VELOCITY_DEVIATION;
+        let known =
+            self.known.is_some() || self.estimator.health().velocity_deviation <= MAX_VELOCITY_DEVIATION;
         match (known, self.adrift) {
             (false, _) => Descent::Blind,
             (true, true) => Descent::Adrift,
@@ -85,7 +86,7 @@ impl Flight {
         let unfelt = active.contains(Fault::ImuSilent);
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
         // It is a matter of a tenth of a second how far aside it comes down.
-        let turned_over = so3::tilt(&self.estimator.robot_state().rotation_wr) > self.params.watch.max_tilt;
+        let turned_over = so3::tilt(&self.robot_state().rotation_wr) > self.params.watch.max_tilt;
         turned_over && powerless
             || active.contains(Fault::Tilt) && unfelt
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt

@@ -162,6 +162,14 @@ impl Guidance {
         self.stage == Stage::Follow && self.followed_age > 0.2
     }
 
+    /// In the air, at rest on the start of a trajectory, ready for the mission.
+    pub(super) fn begin_in_air(&mut self, trajectory: &Trajectory) {
+        self.trajectory = *trajectory;
+        self.time = 0.0;
+        self.stage = Stage::Mission;
+        self.hover_time = self.params.bias_time;
+    }
+
     /// From the ground, straight up and level, heading kept.
     pub(super) fn begin_take_off(&mut self, robot: &RobotState, tool: &Mounting) {
         let level = level(&robot.rotation_wr);

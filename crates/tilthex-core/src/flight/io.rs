@@ -5,7 +5,7 @@ use crate::{
     Error,
     admittance::AdmittanceFilter,
     trajectory::{Limits, MAX_WAYPOINTS, Trajectory, Waypoint},
-    types::{PoseSample, RotorVector, Setpoint, Wrench},
+    types::{PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
 
 /// Most poses a tick takes in.
@@ -32,6 +32,24 @@ impl Route {
         let mut padded = [*first; MAX_WAYPOINTS];
         padded[..waypoints.len()].copy_from_slice(waypoints);
         Ok(Self { waypoints: padded, count: waypoints.len(), limits: *limits })
+    }
+
+    /// The way-points of a trajectory, its start the first; `limits` may make it slower than it was.
+    ///
+    /// # Errors
+    /// More way-points than [`MAX_WAYPOINTS`], or limits that [`Trajectory::new`] refuses.
+    pub fn of(trajectory: &Trajectory, limits: &Limits) -> Result<Self, Error> {
+        let mut points = [*trajectory.start(); MAX_WAYPOINTS];
+        let mut count = 1;
+        for waypoint in trajectory.waypoints() {
+            let Some(slot) = points.get_mut(count) else {
+                let found = count + 1;
+                return Err(Error::Count { name: "way-points", found, min: 1, max: MAX_WAYPOINTS });
+            };
+            *slot = waypoint;
+            count += 1;
+        }
+        Self::new(points.get(..count).unwrap_or(&[]), limits)
     }
 
     /// The way-points.
@@ -95,6 +113,17 @@ pub struct Measured<'a> {
     pub command: Option<&'a Command>,
     /// What only the host can see.
     pub host: HostFacts,
+    /// The state, where it is known without the estimator: in a simulation that leaves it out.
+    pub known: Option<KnownState>,
+}
+
+/// A state that needs no estimator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownState {
+    /// Pose and twist of the robot.
+    pub robot: RobotState,
+    /// Specific force at the centre of mass, m/s^2, robot.
+    pub specific_force_r: Vector3,
 }
 
 /// What the motors shall do.

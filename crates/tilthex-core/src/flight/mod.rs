@@ -6,6 +6,7 @@
 //! result to the bit.
 
 mod actuation;
+mod airborne;
 mod guidance;
 mod io;
 mod record;
@@ -16,8 +17,9 @@ mod thrust;
 mod touchdown;
 mod watch;
 
+pub use airborne::AirborneStart;
 pub use guidance::GuidanceParams;
-pub use io::{Command, Commanded, HostFacts, MAX_POSES, Measured, MotorCommand, Route};
+pub use io::{Command, Commanded, HostFacts, KnownState, MAX_POSES, Measured, MotorCommand, Route};
 pub use record::{InputRecord, LinkCounters, Record};
 pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
@@ -65,6 +67,10 @@ pub struct Flight {
     controller: Controller,
     control: ControllerState,
     estimator: Estimator,
+    /// The state in place of the estimator's.
+    known: Option<KnownState>,
+    /// Whether the caller says that this is a contact-free hover to learn from.
+    learns: bool,
     start_refused: Option<StartError>,
     guidance: Guidance,
     route: Option<Route>,
@@ -107,6 +113,8 @@ impl Flight {
             controller: Controller::new(vehicle, params.controller)?,
             control: ControllerState::default(),
             estimator: Estimator::new(params.estimator)?,
+            known: None,
+            learns: false,
             start_refused: None,
             guidance: Guidance::new(params.guidance),
             route,
@@ -172,7 +180,7 @@ impl Flight {
         self.rotor_model.set_garbled(self.supervisor.active().contains(Fault::LinkGarbage));
         self.rotor_model.step(&self.command, !input.host.link_lost, period);
         let rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now);
-        let before = self.estimator.robot_state();
+        let before = self.robot_state();
         self.estimate(input, &rotor_speeds, dt);
         self.absorb_jump(&before, dt);
         self.obey(input.command);
@@ -221,6 +229,8 @@ impl Flight {
                 phase: before,
                 telemetry: input.telemetry,
                 estimator: &self.estimator,
+                known: self.known.is_some(),
+                robot: &self.robot_state(),
                 output: self.output.as_ref(),
                 stopped,
                 wrong_speeds,
@@ -236,7 +246,7 @@ impl Flight {
         conditions.insert_if(Fault::RotorLost, self.adrift);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
-            estimate_ready: self.estimator.is_initialized(),
+            estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
             all_spinning: input.telemetry.all_spinning(),
             ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.touchdown(input, rotor_speeds, dt),
@@ -267,7 +277,7 @@ impl Flight {
             Phase::Starting | Phase::Grounded => self.ramp = 0.0,
             Phase::Flying if before == Phase::Grounded => {
                 self.control = ControllerState::default();
-                self.guidance.begin_take_off(&self.estimator.robot_state(), self.params.vehicle.tool());
+                self.guidance.begin_take_off(&self.robot_state(), self.params.vehicle.tool());
             }
             Phase::Landing => {
                 // From the reference where there is one, so that nothing jumps.
@@ -284,7 +294,7 @@ impl Flight {
 
     /// Where the tool is, and how it moves.
     fn actual_tool(&self) -> Setpoint {
-        let (tool, robot) = (self.params.vehicle.tool(), self.estimator.robot_state());
+        let (tool, robot) = (self.params.vehicle.tool(), self.robot_state());
         let lever_w = robot.rotation_wr * tool.position_r;
         let angular_velocity_w = robot.rotation_wr * robot.angular_velocity_r;
         Setpoint {
@@ -308,7 +318,7 @@ impl Flight {
             self.touchdown = Touchdown::default();
             return false;
         };
-        let robot = self.estimator.robot_state();
+        let robot = self.robot_state();
         let bias_w = robot.rotation_wr * self.control.bias_r.force;
         let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
         let weight = self.params.vehicle.mass() * crate::GRAVITY;

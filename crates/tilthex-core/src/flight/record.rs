@@ -182,10 +182,10 @@ impl Flight {
         record.phase = self.supervisor.phase();
         record.faults = self.supervisor.active();
         let estimator = &self.estimator;
-        record.state = estimator.robot_state();
+        record.state = self.robot_state();
         record.gyro_bias_i = estimator.gyro_bias();
         record.accelerometer_bias_i = estimator.accelerometer_bias();
-        record.specific_force_r = estimator.specific_force_r();
+        record.specific_force_r = self.specific_force_r();
         let health = estimator.health();
         record.deviation = [health.position_deviation, health.velocity_deviation, health.rotation_deviation];
         record.innovation = health.nis;

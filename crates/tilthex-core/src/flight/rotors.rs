@@ -60,6 +60,11 @@ impl RotorModel {
         }
     }
 
+    /// Rotors that already turn at the speeds of a command, Hz.
+    pub(super) fn begin_at(&mut self, speeds: &RotorVector) {
+        (self.reached, self.expected) = (*speeds, *speeds);
+    }
+
     /// Moves on by `dt` seconds of a command, Hz; without a line none reaches the vehicle.
     pub(super) fn step(&mut self, command: &RotorVector, line: bool, dt: f64) {
         if line {

@@ -10,15 +10,30 @@ use crate::{
     estimator::Quality,
     so3,
     supervisor::Fault,
-    types::{RobotState, RotorVector},
+    types::{RobotState, RotorVector, Vector3},
 };
 
 /// The estimate is corrected by more than this, m and rad, in a tick: a jump.
 const JUMP: (f64, f64) = (0.03, 0.03);
 
 impl Flight {
+    /// Pose and twist of the robot: the estimator's, or the known ones.
+    #[must_use]
+    pub fn robot_state(&self) -> RobotState {
+        self.known.map_or_else(|| self.estimator.robot_state(), |known| known.robot)
+    }
+
+    /// Specific force at the centre of mass, m/s^2, robot: the estimator's, or the known one.
+    pub(super) fn specific_force_r(&self) -> Vector3 {
+        self.known.map_or_else(|| self.estimator.specific_force_r(), |known| known.specific_force_r)
+    }
+
     /// Feeds the estimator; where inertial samples are missing in flight, from the model.
     pub(super) fn estimate(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
+        self.known = input.known;
+        if self.known.is_some() {
+            return;
+        }
         let inertial = &input.telemetry.inertial;
         let samples = inertial.samples();
         let modelled = self.estimator.is_modelled();
@@ -57,10 +72,10 @@ impl Flight {
     /// A correction of the estimate is no motion: reference and set-point take part in
     /// it, and fly back from there. A turn is left to the admittance filter's spring.
     pub(super) fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
+        let now = self.robot_state();
         let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {
             return;
         };
-        let now = self.estimator.robot_state();
         let expected_w = before.position_w + before.velocity_w * dt;
         let turned = before.rotation_wr * so3::exp(&(before.angular_velocity_r * dt));
         let turn = now.rotation_wr * turned.transpose();

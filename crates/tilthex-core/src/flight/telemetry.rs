@@ -1,6 +1,6 @@
 //! What a vehicle says of itself, whatever link it speaks.
 
-use crate::types::{MAX_ROTORS, Vector3};
+use crate::types::{MAX_ROTORS, RotorVector, Vector3};
 
 /// Most inertial samples of one tick that are kept.
 pub const MAX_SAMPLES: usize = 8;
@@ -157,6 +157,19 @@ impl Telemetry {
         self.inertial.count = 0;
         self.inertial.refused_now = false;
         self.link.rebooted = false;
+    }
+
+    /// Takes the speeds, Hz, of motors that all spin, heard at `now`, s, over a link that is ready.
+    pub fn hear_motors(&mut self, now: f64, speeds: &RotorVector) {
+        for (motor, speed) in self.motors.iter_mut().take(self.motor_count).zip(speeds.iter()) {
+            (motor.heard, motor.speed, motor.spinning) = (now, *speed, true);
+        }
+        (self.link.identified, self.link.ready, self.link.heard) = (true, true, now);
+    }
+
+    /// Whether every motor spins, where they start and stop at once.
+    pub fn set_spinning(&mut self, spinning: bool) {
+        self.motors.iter_mut().for_each(|motor| motor.spinning = spinning);
     }
 
     /// What is known of the motors.

@@ -6,6 +6,7 @@ use crate::{
     estimator::{Estimator, Health},
     so3,
     supervisor::{Fault, FaultSet, Phase},
+    types::RobotState,
 };
 
 /// Limits whose crossing is a fault (`supervisor::TABLE` says what follows).
@@ -43,6 +44,10 @@ pub(super) struct Seen<'a> {
     pub(super) telemetry: &'a Telemetry,
     /// The estimator.
     pub(super) estimator: &'a Estimator,
+    /// Whether the state is known without it.
+    pub(super) known: bool,
+    /// Pose and twist of the robot.
+    pub(super) robot: &'a RobotState,
     /// The last tick's controller output.
     pub(super) output: Option<&'a ControllerOutput>,
     /// Motors measured far from the model.
@@ -174,7 +179,7 @@ impl Watch {
     }
 
     fn estimate(&mut self, seen: &Seen<'_>, set: &mut FaultSet) {
-        if !seen.estimator.is_initialized() {
+        if seen.known || !seen.estimator.is_initialized() {
             return;
         }
         let health = seen.estimator.health();
@@ -200,7 +205,7 @@ impl Watch {
 
     fn motion(&mut self, seen: &Seen<'_>, set: &mut FaultSet) {
         let p = &self.params;
-        let state = seen.estimator.robot_state();
+        let state = seen.robot;
         if seen.phase.in_flight() {
             set.insert_if(Fault::Tilt, so3::tilt(&state.rotation_wr) > p.max_tilt);
             set.insert_if(Fault::Speed, state.velocity_w.norm() > p.max_speed);

@@ -97,6 +97,12 @@ impl Default for Supervisor {
 }
 
 impl Supervisor {
+    /// Of a vehicle that flies already.
+    #[must_use]
+    pub fn in_flight() -> Self {
+        Self { phase: Phase::Flying, ..Self::default() }
+    }
+
     /// The phase.
     #[must_use]
     pub fn phase(&self) -> Phase {

@@ -11,6 +11,7 @@ mod flight;
 mod section;
 mod sections;
 mod time_scales;
+pub mod truth;
 mod values;
 mod vehicle;
 
@@ -23,6 +24,7 @@ pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, Superv
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};
+pub use truth::{TrueVehicle, TruthSection};
 pub use values::{Axes, Square};
 pub use vehicle::{PRESETS, VehicleSection};
 

@@ -176,6 +176,59 @@ impl VehicleSection {
         Ok(Self { body, rotors, vehicle })
     }
 
+    /// A vehicle that is there already, each rotor described by itself.
+    #[must_use]
+    pub fn of(name: &str, vehicle: Vehicle) -> Self {
+        let angles = |m: &Mounting| Axes(yaw_pitch_roll(&m.rotation_r).map(f64::to_degrees));
+        let (tool, imu) = (vehicle.tool(), vehicle.imu());
+        let body = Body {
+            name: name.into(),
+            mass: vehicle.mass(),
+            inertia: Square(*vehicle.inertia()),
+            rotor_time_constant: vehicle.rotor_time_constant(),
+            tool_position: Axes(tool.position_r.into()),
+            tool_rotation_deg: angles(tool),
+            imu_position: Axes(imu.position_r.into()),
+            imu_rotation_deg: angles(imu),
+        };
+        let rotors = vehicle.rotors().iter().map(|r| RotorSection {
+            position: Axes(r.position_r.into()),
+            axis: Axes(r.axis_r.into()),
+            spin: r.spin,
+            thrust_coefficient: r.thrust_coefficient,
+            drag_coefficient: r.drag_coefficient,
+            min_speed: r.min_speed,
+            max_speed: r.max_speed,
+        });
+        Self { body, rotors: Rotors::List(rotors.collect()), vehicle }
+    }
+
+    /// The same with some keys changed, as a `[vehicle]` table names them.
+    ///
+    /// # Errors
+    /// As [`Self::from_table`].
+    pub fn overlaid(&self, changes: Table) -> Result<Self, ConfigError> {
+        let mut table = vehicle_of_text(&self.to_toml())?;
+        if changes.contains_key("preset") || changes.contains_key("file") {
+            table.clear();
+        }
+        for (given, replaced) in [("rotors", "tilted_hexarotor"), ("tilted_hexarotor", "rotors")] {
+            if changes.contains_key(given) {
+                table.remove(replaced);
+            }
+        }
+        super::overlay(&mut table, changes);
+        Self::from_table(table, Path::new(""))
+    }
+
+    /// The section as TOML, complete, every key with its meaning and unit; reading it gives this again.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut out = String::new();
+        self.print(&mut out);
+        out
+    }
+
     /// Writes the section, complete.
     pub(super) fn print(&self, out: &mut String) {
         section::print(&self.body, out);
@@ -264,6 +317,16 @@ pub(super) fn mounting(position: &Axes<3>, rotation_deg: &Axes<3>) -> Mounting {
         position_r: position.vector(),
         rotation_r: so3::rot_z(yaw) * so3::rot_y(pitch) * so3::rot_x(roll),
     }
+}
+
+/// Roll, pitch and yaw, rad, of `Rz(yaw) Ry(pitch) Rx(roll)`.
+fn yaw_pitch_roll(r: &tilthex_core::Matrix3) -> [f64; 3] {
+    let pitch = (0.0 - r[(2, 0)]).clamp(-1.0, 1.0).asin();
+    // Looking straight up or down only the sum of roll and yaw shows: all of it is yaw.
+    if r[(2, 0)].abs() > 1.0 - 1e-12 {
+        return [0.0, pitch, (-r[(0, 1)]).atan2(r[(1, 1)])];
+    }
+    [r[(2, 1)].atan2(r[(2, 2)]), pitch, r[(1, 0)].atan2(r[(0, 0)])]
 }
 
 fn build(body: &Body, rotors: &Rotors) -> Result<Vehicle, tilthex_core::Error> {

@@ -61,7 +61,8 @@ pub trait Body {
 pub struct Own {
     plant: Plant,
     state: PlantState,
-    ground: Ground,
+    /// Flat ground at z = 0; none far above it.
+    ground: Option<Ground>,
     pushes: Pushes,
     external: Wrench,
     tool_wrench_w: Wrench,
@@ -79,11 +80,8 @@ impl Own {
         let leg = (-vehicle.tool().position_r.z).max(0.1) + 0.05;
         let mut body = Self {
             plant: Plant::new(vehicle),
-            state: PlantState {
-                robot: RobotState::at_rest(Vector3::new(0.0, 0.0, leg)),
-                rotor_speeds: RotorVector::zeros(),
-            },
-            ground: Ground { leg },
+            state: PlantState::new(RobotState::at_rest(Vector3::new(0.0, 0.0, leg)), RotorVector::zeros()),
+            ground: Some(Ground { leg }),
             pushes,
             external: Wrench::ZERO,
             tool_wrench_w: Wrench::ZERO,
@@ -94,6 +92,21 @@ impl Own {
         body
     }
 
+    /// It hovers in a state, far above any ground; pushes count from power-on.
+    #[must_use]
+    pub fn airborne(vehicle: Vehicle, pushes: Pushes, state: PlantState) -> Self {
+        Self {
+            plant: Plant::new(vehicle),
+            state,
+            ground: None,
+            pushes,
+            external: Wrench::ZERO,
+            tool_wrench_w: Wrench::ZERO,
+            health: RotorVector::repeat(1.0),
+            thrust: RotorVector::repeat(1.0),
+        }
+    }
+
     /// Lets the legs take the weight.
     fn settle(&mut self) {
         for _ in 0..4000 {
@@ -101,9 +114,20 @@ impl Own {
         }
     }
 
-    fn step(&mut self, commands: &RotorVector, dt: f64) {
+    /// Takes up what acts on it now, `since_start` (s) after the motors' start, before it moves.
+    pub fn feel(&mut self, since_start: Option<f64>) {
+        self.tool_wrench_w = since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
+        self.sum_up();
+    }
+
+    fn sum_up(&mut self) {
         let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
-        self.external = self.ground.wrench(&self.state.robot) + push - self.lost_thrust();
+        let ground = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
+        self.external = ground + push - self.lost_thrust();
+    }
+
+    fn step(&mut self, commands: &RotorVector, dt: f64) {
+        self.sum_up();
         let commands = commands.component_mul(&self.health);
         self.plant.step(&mut self.state, &commands, &self.external, dt);
     }
@@ -120,7 +144,8 @@ impl Own {
 impl Body for Own {
     fn advance(&mut self, cycle: &Cycle, commands: &RotorVector) {
         self.tool_wrench_w = cycle.since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
-        let steps = if self.ground.is_near(&self.state.robot) { CONTACT_STEPS } else { 1 };
+        let near = self.ground.is_some_and(|ground| ground.is_near(&self.state.robot));
+        let steps = if near { CONTACT_STEPS } else { 1 };
         for _ in 0..steps {
             self.step(commands, cycle.dt / steps as f64);
         }
@@ -144,6 +169,7 @@ impl Body for Own {
 
     fn rests(&self) -> bool {
         let robot = &self.state.robot;
-        robot.position_w.z < self.ground.leg + 0.01 && robot.velocity_w.norm() < 0.1
+        self.ground.is_some_and(|ground| robot.position_w.z < ground.leg + 0.01)
+            && robot.velocity_w.norm() < 0.1
     }
 }

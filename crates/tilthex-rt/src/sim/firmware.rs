@@ -3,7 +3,10 @@
 //! the time it is told, so that it serves a pseudo-terminal in real time and
 //! the fault campaign in virtual time alike.
 
-use tilthex_core::{MAX_ROTORS, RotorVector, Vehicle, plant::ImuSample};
+use tilthex_core::{
+    MAX_ROTORS, RotorVector, Vehicle,
+    plant::{Battery, ImuSample, rotor_current},
+};
 use tilthex_link::{
     Severity, Text,
     tk3::{self, HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage},
@@ -11,7 +14,6 @@ use tilthex_link::{
 
 use super::{
     Micros,
-    battery::{Battery, rotor_current},
     motor::{Event, Motor},
 };
 

@@ -1,7 +1,6 @@
 //! The simulated vehicle: its body, its sensors and its flight board, on
 //! virtual time ([`Simulation`]) or behind a pseudo-terminal ([`Server`]).
 
-pub mod battery;
 pub mod body;
 mod capture;
 pub mod firmware;

@@ -87,6 +87,7 @@ pub fn greeting(bytes: &[u8; GREETING]) -> Result<Greeting, String> {
             rotor_speed: numbers.next(),
             gyro_bias_i: numbers.vector(),
             accelerometer_bias_i: numbers.vector(),
+            ..SensorParams::IDEAL
         },
         pose_period: numbers.next(),
         pose_latency: numbers.next(),
@@ -113,15 +114,15 @@ pub fn state(bytes: &[u8; STATE], at: Nanos) -> Result<State, String> {
     let mut numbers = Numbers::new(rest);
     let state = State {
         at,
-        plant: PlantState {
-            robot: RobotState {
+        plant: PlantState::new(
+            RobotState {
                 position_w: numbers.vector(),
                 velocity_w: numbers.vector(),
                 rotation_wr: Matrix3::from_rows(&[(); 3].map(|()| numbers.vector().transpose())),
                 angular_velocity_r: numbers.vector(),
             },
-            rotor_speeds: RotorVector::from_fn(|_, _| numbers.next()),
-        },
+            RotorVector::from_fn(|_, _| numbers.next()),
+        ),
         specific_force_i: numbers.vector(),
         tool_wrench_w: numbers.wrench(),
         external: numbers.wrench(),

@@ -1,30 +1,66 @@
-//! The simulated vehicle: a rigid body on SO(3) with rotor lag, and its sensors; (3)-(10).
+//! The simulated vehicle: a rigid body on SO(3) with rotor lag, what else acts on a real one, and its
+//! sensors; (3)-(10).
+//!
+//! [`Effects`] holds what the model of the controller leaves out, one effect a module, each off by default.
 //!
 //! The integrator is a fourth-order Runge-Kutta-Munthe-Kaas method on
 //! (position, velocity, rotation, angular momentum in W): the rotation stays
 //! one, and without torque the angular momentum is constant to rounding.
 
+mod age;
+mod battery;
+mod body_drag;
+mod effects;
+mod rod;
+mod rotor_drag;
+mod rotor_inertia;
+mod sensors;
+mod surface;
+mod vibration;
+mod wind;
+
+pub use age::{LARGEST as LARGEST_ROTOR_SPEED_AGE, Past};
+pub use battery::{Battery, rotor_current};
+pub use body_drag::BodyDrag;
+pub use effects::{Effects, EffectsState, Rotors};
+pub use rod::Rod;
+pub use rotor_drag::RotorDrag;
+pub use rotor_inertia::{momentum as rotor_momentum, torque as rotor_torque};
+pub use sensors::{ImuSample, SensorParams, Sensors};
+pub use surface::{Influence, NEAREST, Surface, induced_velocity};
+pub use vibration::Angles;
+pub use wind::{Wind, WindState};
+
 use crate::{
-    GRAVITY, Vehicle,
-    random::Random,
-    so3,
+    Error, GRAVITY, Vehicle, so3,
     types::{Matrix3, RobotState, RotorVector, Vector3, Wrench},
     wrench_observer::robot_wrench,
 };
 
-/// The rigid body and its rotors.
+/// The rigid body, its rotors, and what else acts on them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
     vehicle: Vehicle,
+    effects: Effects,
 }
 
-/// Pose, twist and rotor speeds.
+/// Pose, twist, rotor speeds, and what the effects remember.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlantState {
     /// Pose and twist.
     pub robot: RobotState,
     /// Rotor speeds, Hz.
     pub rotor_speeds: RotorVector,
+    /// Wind, battery and the rotors' acceleration.
+    pub effects: EffectsState,
+}
+
+impl PlantState {
+    /// A state in calm air, with a battery that is full and rotors that keep their speeds.
+    #[must_use]
+    pub fn new(robot: RobotState, rotor_speeds: RotorVector) -> Self {
+        Self { robot, rotor_speeds, effects: EffectsState::default() }
+    }
 }
 
 /// Rates of (position, velocity, turn since the start of the step, momentum).
@@ -37,10 +73,25 @@ struct Rates {
 }
 
 impl Plant {
-    /// A plant for one vehicle.
+    /// A plant for one vehicle: rigid body and rotor lag alone.
     #[must_use]
     pub fn new(vehicle: Vehicle) -> Self {
-        Self { vehicle }
+        Self { vehicle, effects: Effects::OFF }
+    }
+
+    /// The same with effects.
+    ///
+    /// # Errors
+    /// Names the effect's parameter that is out of its range.
+    pub fn with_effects(vehicle: Vehicle, effects: Effects) -> Result<Self, Error> {
+        effects.check()?;
+        Ok(Self { vehicle, effects })
+    }
+
+    /// What acts on it beside rotors and weight.
+    #[must_use]
+    pub fn effects(&self) -> &Effects {
+        &self.effects
     }
 
     /// The vehicle.
@@ -52,10 +103,7 @@ impl Plant {
     /// Level hover at a place, rotors at their hover speeds.
     #[must_use]
     pub fn hover(&self, position_w: Vector3) -> PlantState {
-        PlantState {
-            robot: RobotState::at_rest(position_w),
-            rotor_speeds: self.vehicle.hover_speeds(&Matrix3::identity()),
-        }
+        PlantState::new(RobotState::at_rest(position_w), self.vehicle.hover_speeds(&Matrix3::identity()))
     }
 
     /// Moves on by `dt` under commanded speeds (Hz) and an external wrench
@@ -64,31 +112,46 @@ impl Plant {
         let start = state.robot;
         let inertia = self.vehicle.inertia();
         let momentum_w = start.rotation_wr * (inertia * start.angular_velocity_r);
+        let command = &self.effects.reached(&state.effects, command);
         let middle_speeds = self.lag(&state.rotor_speeds, command, 0.5 * dt);
         let end_speeds = self.lag(&state.rotor_speeds, command, dt);
-        let actuation = |speeds: &RotorVector| self.vehicle.body_wrench(speeds);
-        let (w0, w1, w2) =
-            (actuation(&state.rotor_speeds), actuation(&middle_speeds), actuation(&end_speeds));
+        let rotors = |speeds: &RotorVector| Rotors {
+            speeds: *speeds,
+            accelerations: self.acceleration(&state.rotor_speeds, speeds, command, dt),
+        };
+        let (start_rotors, middle, end) =
+            (rotors(&state.rotor_speeds), rotors(&middle_speeds), rotors(&end_speeds));
+        let actuation = |rotors: &Rotors| self.vehicle.body_wrench(&rotors.speeds);
+        let (w0, w1, w2) = (actuation(&start_rotors), actuation(&middle), actuation(&end));
+        let wind_w = self.effects.wind.velocity(&state.effects.wind);
 
-        let rates = |k: &Rates, h: f64, actuation: &Wrench| -> Rates {
+        let rates = |k: &Rates, h: f64, actuation: &Wrench, rotors: &Rotors| -> Rates {
             let turn = h * k.turn;
             let rotation = start.rotation_wr * so3::exp(&turn);
             let momentum = momentum_w + h * k.momentum;
             let omega = self.vehicle.inertia_inverse() * (rotation.transpose() * momentum);
             let c = turn.cross(&omega);
+            let velocity_w = start.velocity_w + h * k.velocity;
+            let mut actuation = *actuation;
+            if !self.effects.are_off() {
+                let position_w = start.position_w + h * k.position;
+                let robot =
+                    RobotState { position_w, velocity_w, rotation_wr: rotation, angular_velocity_r: omega };
+                actuation = actuation + self.effects.wrench(&self.vehicle, &robot, rotors, &wind_w);
+            }
             Rates {
-                position: start.velocity_w + h * k.velocity,
-                velocity: self.acceleration_w(&rotation, actuation, external),
+                position: velocity_w,
+                velocity: self.acceleration_w(&rotation, &actuation, external),
                 turn: omega + 0.5 * c + turn.cross(&c) / 12.0,
                 momentum: rotation * (actuation.torque + external.torque),
             }
         };
         let zero = Vector3::zeros();
         let none = Rates { position: zero, velocity: zero, turn: zero, momentum: zero };
-        let k1 = rates(&none, 0.0, &w0);
-        let k2 = rates(&k1, 0.5 * dt, &w1);
-        let k3 = rates(&k2, 0.5 * dt, &w1);
-        let k4 = rates(&k3, dt, &w2);
+        let k1 = rates(&none, 0.0, &w0, &start_rotors);
+        let k2 = rates(&k1, 0.5 * dt, &w1, &middle);
+        let k3 = rates(&k2, 0.5 * dt, &w1, &middle);
+        let k4 = rates(&k3, dt, &w2, &end);
         let sum = |f: fn(&Rates) -> Vector3| dt / 6.0 * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
 
         let turned = start.rotation_wr * so3::exp(&sum(|k| k.turn));
@@ -102,12 +165,13 @@ impl Plant {
             angular_velocity_r: self.vehicle.inertia_inverse() * (rotation_wr.transpose() * momentum),
         };
         state.rotor_speeds = end_speeds;
+        self.effects.step(&mut state.effects, &state.robot, &end, dt);
     }
 
     /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) of the centre of mass.
     #[must_use]
     pub fn accelerations(&self, state: &PlantState, external: &Wrench) -> (Vector3, Vector3) {
-        let actuation = self.vehicle.body_wrench(&state.rotor_speeds);
+        let actuation = self.vehicle.body_wrench(&state.rotor_speeds) + self.effects_wrench(state);
         let omega = state.robot.angular_velocity_r;
         let inertia = self.vehicle.inertia();
         let torque = actuation.torque + external.torque - omega.cross(&(inertia * omega));
@@ -115,6 +179,14 @@ impl Plant {
             self.acceleration_w(&state.robot.rotation_wr, &actuation, external),
             self.vehicle.inertia_inverse() * torque,
         )
+    }
+
+    /// What the effects do to the airframe: force and torque about the centre of mass, robot coordinates.
+    #[must_use]
+    pub fn effects_wrench(&self, state: &PlantState) -> Wrench {
+        let rotors = Rotors { speeds: state.rotor_speeds, accelerations: state.effects.rotor_accelerations };
+        let wind_w = self.effects.wind.velocity(&state.effects.wind);
+        self.effects.wrench(&self.vehicle, &state.robot, &rotors, &wind_w)
     }
 
     /// The wrench at the centre of mass (force W, torque R) of a tool wrench in W.
@@ -128,6 +200,15 @@ impl Plant {
     pub fn tool_pose(&self, state: &PlantState) -> (Vector3, Matrix3) {
         let (r, tool) = (&state.robot, self.vehicle.tool());
         (r.position_w + r.rotation_wr * tool.position_r, r.rotation_wr * tool.rotation_r)
+    }
+
+    /// Tool pose where a wrench (W) at the tip bends its rod.
+    #[must_use]
+    pub fn loaded_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
+        let (r, tool) = (&state.robot, self.vehicle.tool());
+        let force_e = (r.rotation_wr * tool.rotation_r).transpose() * tool_w.force;
+        let bent = self.effects.rod.bent(tool, &force_e);
+        (r.position_w + r.rotation_wr * bent.position_r, r.rotation_wr * bent.rotation_r)
     }
 
     /// What a perfect IMU says at its mounting.
@@ -156,106 +237,23 @@ impl Plant {
             - Vector3::new(0.0, 0.0, GRAVITY)
     }
 
+    /// Acceleration of the rotors, Hz/s, at speeds on their way to a command; without a lag the mean over the step.
+    fn acceleration(
+        &self,
+        start: &RotorVector,
+        speeds: &RotorVector,
+        command: &RotorVector,
+        dt: f64,
+    ) -> RotorVector {
+        let constant = self.vehicle.rotor_time_constant();
+        if constant > 0.0 { (command - speeds) / constant } else { (command - start) / dt }
+    }
+
     fn lag(&self, speeds: &RotorVector, command: &RotorVector, dt: f64) -> RotorVector {
         let constant = self.vehicle.rotor_time_constant();
         if constant == 0.0 {
             return *command;
         }
         speeds + (command - speeds) * crate::filters::lag_fraction(1.0 / constant, dt)
-    }
-}
-
-/// Standard deviations of the sensors' noise, and the IMU's constant biases.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SensorParams {
-    /// Captured position, m.
-    pub position: f64,
-    /// Captured orientation, rad.
-    pub orientation: f64,
-    /// Gyroscope, rad/s a sample.
-    pub gyro: f64,
-    /// Accelerometer, m/s^2 a sample.
-    pub accelerometer: f64,
-    /// Rotor speed, Hz.
-    pub rotor_speed: f64,
-    /// Constant gyroscope bias, rad/s, IMU axes.
-    pub gyro_bias_i: Vector3,
-    /// Constant accelerometer bias, m/s^2, IMU axes.
-    pub accelerometer_bias_i: Vector3,
-}
-
-impl SensorParams {
-    /// No noise and no bias.
-    pub const IDEAL: Self = Self {
-        position: 0.0,
-        orientation: 0.0,
-        gyro: 0.0,
-        accelerometer: 0.0,
-        rotor_speed: 0.0,
-        gyro_bias_i: Vector3::new(0.0, 0.0, 0.0),
-        accelerometer_bias_i: Vector3::new(0.0, 0.0, 0.0),
-    };
-
-    /// The noise that the experiments are judged with.
-    pub const EXPERIMENTS: Self = Self {
-        position: 0.3e-3,
-        orientation: 2e-3,
-        gyro: 5e-3,
-        accelerometer: 0.15,
-        rotor_speed: 0.1,
-        ..Self::IDEAL
-    };
-}
-
-/// An inertial sample, IMU axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ImuSample {
-    /// Angular velocity, rad/s.
-    pub gyro_i: Vector3,
-    /// Specific force, m/s^2.
-    pub specific_force_i: Vector3,
-}
-
-/// The sensors, with a noise of their own for every seed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sensors {
-    params: SensorParams,
-    random: Random,
-}
-
-impl Sensors {
-    /// Sensors whose noise is the same for the same seed.
-    #[must_use]
-    pub fn new(params: SensorParams, seed: u64) -> Self {
-        Self { params, random: Random::new(seed) }
-    }
-
-    /// What the IMU says where a perfect one says `truth`.
-    pub fn imu(&mut self, truth: &ImuSample) -> ImuSample {
-        let p = &self.params;
-        ImuSample {
-            gyro_i: truth.gyro_i + p.gyro_bias_i + self.random.normal3(p.gyro),
-            specific_force_i: truth.specific_force_i
-                + p.accelerometer_bias_i
-                + self.random.normal3(p.accelerometer),
-        }
-    }
-
-    /// The captured pose of the robot: position (m, W), rotation (R to W).
-    pub fn pose(&mut self, state: &PlantState) -> (Vector3, Matrix3) {
-        let turn = self.random.normal3(self.params.orientation);
-        (
-            state.robot.position_w + self.random.normal3(self.params.position),
-            state.robot.rotation_wr * so3::exp(&turn),
-        )
-    }
-
-    /// Measured rotor speeds, Hz.
-    pub fn rotor_speeds(&mut self, plant: &Plant, state: &PlantState) -> RotorVector {
-        let mut measured = state.rotor_speeds;
-        for i in 0..plant.vehicle().rotor_count() {
-            measured[i] += self.params.rotor_speed * self.random.normal();
-        }
-        measured
     }
 }

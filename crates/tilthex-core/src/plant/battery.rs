@@ -1,4 +1,5 @@
-//! The battery: a charge, a voltage that falls with it, and an inner resistance.
+//! The battery: a charge, a voltage that falls with it, and an inner resistance; and what a falling
+//! voltage does to rotors whose commands are throttles.
 
 /// A lithium-polymer battery of four cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +25,14 @@ const IDLE: f64 = 0.5;
 /// Current of one rotor at a speed in Hz, A.
 #[must_use]
 pub fn rotor_current(speed: f64) -> f64 {
-    CURRENT_AT_100_HZ * (speed.abs() / 100.0).powi(3)
+    let part = libm::fabs(speed) / 100.0;
+    CURRENT_AT_100_HZ * (part * part * part)
 }
 
 impl Battery {
+    /// 5 A h, full.
+    pub const FULL: Self = Self { capacity: 18_000.0, charge: 18_000.0, current: IDLE };
+
     /// A battery of a capacity in A h, charged to a part (0 to 1) of it.
     #[must_use]
     pub fn new(capacity_ah: f64, part: f64) -> Self {
@@ -39,6 +44,13 @@ impl Battery {
     pub fn advance(&mut self, rotor_speeds: &[f64], dt: f64) {
         self.current = IDLE + rotor_speeds.iter().map(|&speed| rotor_current(speed)).sum::<f64>();
         self.charge = (self.charge - self.current * dt).max(0.0);
+    }
+
+    /// Part of a commanded speed that a throttle reaches: the motor's speed is proportional to its
+    /// voltage, so the thrust falls with the square of `voltage / nominal`; 1 where `nominal` (V) is 0.
+    #[must_use]
+    pub fn speed_part(&self, nominal: f64) -> f64 {
+        if nominal > 0.0 { (self.voltage() / nominal).max(0.0) } else { 1.0 }
     }
 
     /// Voltage at its terminals, V.

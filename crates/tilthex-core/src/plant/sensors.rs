@@ -1,0 +1,179 @@
+//! The sensors of the simulated vehicle: noise, biases, errors of scale and axes, vibration, age.
+
+use super::{
+    Plant, PlantState,
+    age::{self, Past},
+    vibration::Angles,
+};
+use crate::{
+    Error,
+    error::check_range,
+    random::Random,
+    so3,
+    types::{Matrix3, RotorVector, Vector3},
+};
+
+/// Standard deviations of the sensors' noise, and the errors that stay.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SensorParams {
+    /// Captured position, m.
+    pub position: f64,
+    /// Captured orientation, rad.
+    pub orientation: f64,
+    /// Gyroscope, rad/s a sample.
+    pub gyro: f64,
+    /// Accelerometer, m/s^2 a sample.
+    pub accelerometer: f64,
+    /// Rotor speed, Hz.
+    pub rotor_speed: f64,
+    /// Constant gyroscope bias, rad/s, IMU axes.
+    pub gyro_bias_i: Vector3,
+    /// Constant accelerometer bias, m/s^2, IMU axes.
+    pub accelerometer_bias_i: Vector3,
+    /// Relative error of the gyroscope's scale, each IMU axis.
+    pub gyro_scale_i: Vector3,
+    /// Small turn of the gyroscope's axes against the IMU's, rad.
+    pub gyro_misalignment_i: Vector3,
+    /// Acceleration of the IMU by the imbalance of one rotor at 100 Hz, m/s^2; it grows with the square of the speed.
+    pub vibration: f64,
+    /// The point whose pose motion capture gives, from the centre of mass, m, robot coordinates.
+    pub captured_r: Vector3,
+    /// Age of the measured rotor speeds, s.
+    pub rotor_speed_age: f64,
+}
+
+impl SensorParams {
+    /// No noise and no bias.
+    pub const IDEAL: Self = Self {
+        position: 0.0,
+        orientation: 0.0,
+        gyro: 0.0,
+        accelerometer: 0.0,
+        rotor_speed: 0.0,
+        gyro_bias_i: Vector3::new(0.0, 0.0, 0.0),
+        accelerometer_bias_i: Vector3::new(0.0, 0.0, 0.0),
+        gyro_scale_i: Vector3::new(0.0, 0.0, 0.0),
+        gyro_misalignment_i: Vector3::new(0.0, 0.0, 0.0),
+        vibration: 0.0,
+        captured_r: Vector3::new(0.0, 0.0, 0.0),
+        rotor_speed_age: 0.0,
+    };
+
+    /// The noise that the experiments are judged with.
+    pub const EXPERIMENTS: Self = Self {
+        position: 0.3e-3,
+        orientation: 2e-3,
+        gyro: 5e-3,
+        accelerometer: 0.15,
+        rotor_speed: 0.1,
+        ..Self::IDEAL
+    };
+
+    /// Refuses numbers that no sensor has.
+    ///
+    /// # Errors
+    /// Names the first.
+    pub fn check(&self) -> Result<(), Error> {
+        check_range("position noise", self.position, 0.0, 1.0)?;
+        check_range("orientation noise", self.orientation, 0.0, 1.0)?;
+        check_range("gyro noise", self.gyro, 0.0, 10.0)?;
+        check_range("accelerometer noise", self.accelerometer, 0.0, 100.0)?;
+        check_range("rotor_speed noise", self.rotor_speed, 0.0, 100.0)?;
+        check_range("vibration", self.vibration, 0.0, 1000.0)?;
+        check_range("rotor_speed_age", self.rotor_speed_age, 0.0, age::LARGEST)?;
+        for (name, largest, v) in [
+            ("gyro_bias", 10.0, &self.gyro_bias_i),
+            ("accelerometer_bias", 100.0, &self.accelerometer_bias_i),
+            ("gyro_scale", 0.5, &self.gyro_scale_i),
+            ("gyro_misalignment", 0.5, &self.gyro_misalignment_i),
+            ("captured", 10.0, &self.captured_r),
+        ] {
+            for x in v.iter() {
+                check_range(name, *x, -largest, largest)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// An inertial sample, IMU axes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuSample {
+    /// Angular velocity, rad/s.
+    pub gyro_i: Vector3,
+    /// Specific force, m/s^2.
+    pub specific_force_i: Vector3,
+}
+
+/// The sensors, with a noise of their own for every seed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensors {
+    params: SensorParams,
+    random: Random,
+    angles: Angles,
+    past: Past,
+    vibration_i: Vector3,
+}
+
+impl Sensors {
+    /// Sensors whose noise is the same for the same seed.
+    #[must_use]
+    pub fn new(params: SensorParams, seed: u64) -> Self {
+        Self {
+            params,
+            random: Random::new(seed),
+            angles: Angles::default(),
+            past: Past::default(),
+            vibration_i: Vector3::zeros(),
+        }
+    }
+
+    /// Lets `dt` seconds pass that end at a state: rotors turn, and their speeds are remembered.
+    /// Only vibration and an age of the rotor speeds need it.
+    pub fn pass(&mut self, plant: &Plant, state: &PlantState, dt: f64) {
+        if self.params.vibration != 0.0 {
+            self.angles.step(&state.rotor_speeds, dt);
+            let (vehicle, at_100_hz) = (plant.vehicle(), self.params.vibration);
+            self.vibration_i = vehicle.imu().rotation_r.transpose()
+                * self.angles.acceleration(vehicle, &state.rotor_speeds, at_100_hz);
+        }
+        if self.params.rotor_speed_age != 0.0 {
+            self.past.push(&state.rotor_speeds, dt);
+        }
+    }
+
+    /// What the IMU says where a perfect one says `truth`: the gyroscope
+    /// `(1 + scale) (w - misalignment x w) + bias + noise` in each axis.
+    pub fn imu(&mut self, truth: &ImuSample) -> ImuSample {
+        let p = &self.params;
+        let turned = truth.gyro_i - p.gyro_misalignment_i.cross(&truth.gyro_i);
+        let scaled = turned + p.gyro_scale_i.component_mul(&turned);
+        ImuSample {
+            gyro_i: scaled + p.gyro_bias_i + self.random.normal3(p.gyro),
+            specific_force_i: truth.specific_force_i
+                + self.vibration_i
+                + p.accelerometer_bias_i
+                + self.random.normal3(p.accelerometer),
+        }
+    }
+
+    /// The captured pose: position (m, W) of the captured point, rotation (R to W).
+    pub fn pose(&mut self, state: &PlantState) -> (Vector3, Matrix3) {
+        let turn = self.random.normal3(self.params.orientation);
+        (
+            state.robot.position_w
+                + state.robot.rotation_wr * self.params.captured_r
+                + self.random.normal3(self.params.position),
+            state.robot.rotation_wr * so3::exp(&turn),
+        )
+    }
+
+    /// Measured rotor speeds, Hz.
+    pub fn rotor_speeds(&mut self, plant: &Plant, state: &PlantState) -> RotorVector {
+        let mut measured = self.past.at(self.params.rotor_speed_age).unwrap_or(state.rotor_speeds);
+        for i in 0..plant.vehicle().rotor_count() {
+            measured[i] += self.params.rotor_speed * self.random.normal();
+        }
+        measured
+    }
+}

@@ -1,0 +1,300 @@
+//! `tilthex.Truth` and what is drawn from it.
+
+use crate::{
+    convert::{self, array1},
+    vehicle::Vehicle,
+};
+use numpy::PyArray1;
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::path::PathBuf;
+use tilthex_core::{
+    RobotState, RotorVector, Vector3,
+    plant::{
+        Effects as EffectsBlock, EffectsState, ImuSample, Plant as PlantBlock, PlantState, Rotors,
+        SensorParams, Sensors,
+    },
+};
+use tilthex_rt::config::{TrueVehicle, TruthSection};
+
+/// In what the simulated vehicle differs from the model that the controller has.
+#[pyclass(frozen, module = "tilthex")]
+pub(crate) struct Truth {
+    model: Vehicle,
+    section: TruthSection,
+}
+
+/// A `[truth]` table by what a user may give for one: nothing, a level, the path of a TOML file, or a dict.
+pub(crate) fn section(truth: Option<&Bound<'_, PyAny>>) -> PyResult<TruthSection> {
+    let Some(given) = truth else { return Ok(TruthSection::default()) };
+    if let Ok(dict) = given.cast::<PyDict>() {
+        return TruthSection::from_table(convert::table("truth", dict)?).map_err(convert::config_error);
+    }
+    if let Ok(whole) = given.cast::<Truth>() {
+        return Ok(whole.get().section.clone());
+    }
+    if let Ok(name) = given.extract::<String>() {
+        return TruthSection::named(&name).map_err(convert::config_error);
+    }
+    if let Ok(path) = given.extract::<PathBuf>() {
+        return TruthSection::from_file(&path).map_err(convert::config_error);
+    }
+    let kind = given.get_type().name()?;
+    let sentence = format!("truth is a {kind}; expected a level such as 'measured', a TOML file, or a dict");
+    Err(PyTypeError::new_err(sentence))
+}
+
+#[pymethods]
+impl Truth {
+    #[new]
+    #[pyo3(signature = (vehicle, truth=None))]
+    fn new(vehicle: &Vehicle, truth: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        Ok(Self { model: vehicle.clone(), section: section(truth)? })
+    }
+
+    /// The names of the levels.
+    #[staticmethod]
+    fn levels() -> Vec<&'static str> {
+        tilthex_rt::config::truth::LEVELS.iter().map(|l| l.0).collect()
+    }
+
+    /// What it is called.
+    #[getter]
+    fn name(&self) -> &str {
+        self.section.name()
+    }
+
+    /// What is true for a seed.
+    fn draw(&self, seed: u64) -> PyResult<Drawn> {
+        Ok(Drawn { is: self.section.draw(&self.model.section, seed).map_err(convert::config_error)? })
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Truth(vehicle='{}', '{}')", self.model.section.name(), self.section.name())
+    }
+}
+
+/// What is true for one seed: the vehicle, what acts on it, its sensors and delays.
+#[pyclass(frozen, module = "tilthex")]
+pub(crate) struct Drawn {
+    pub(crate) is: TrueVehicle,
+}
+
+#[pymethods]
+impl Drawn {
+    /// The seed it was drawn with.
+    #[getter]
+    fn seed(&self) -> u64 {
+        self.is.seed
+    }
+
+    /// The true vehicle.
+    #[getter]
+    fn vehicle(&self) -> Vehicle {
+        Vehicle { section: self.is.vehicle.clone() }
+    }
+
+    /// The true centre of mass in the model's robot frame, m, (3,).
+    #[getter]
+    fn centre_of_mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.is.centre_of_mass_r.as_slice())
+    }
+
+    /// What acts on the vehicle, at its start; the gusts are those of the seed.
+    fn effects(&self) -> Effects {
+        let block = self.is.effects;
+        let vehicle = *self.is.vehicle.vehicle();
+        Effects { vehicle, block, state: EffectsState::new(&block, self.is.seed) }
+    }
+
+    /// The errors of its sensors beside noise, at their start.
+    fn sensor_errors(&self) -> SensorErrors {
+        let params = self.is.sensors(&SensorParams::IDEAL);
+        let noiseless = SensorParams {
+            gyro_bias_i: params.gyro_bias_i,
+            accelerometer_bias_i: params.accelerometer_bias_i,
+            gyro_scale_i: params.gyro_scale_i,
+            gyro_misalignment_i: params.gyro_misalignment_i,
+            vibration: params.vibration,
+            captured_r: params.captured_r,
+            rotor_speed_age: params.rotor_speed_age,
+            ..SensorParams::IDEAL
+        };
+        SensorErrors {
+            plant: PlantBlock::new(*self.is.vehicle.vehicle()),
+            state: PlantState::new(RobotState::at_rest(Vector3::zeros()), RotorVector::zeros()),
+            params: noiseless,
+            sensors: Sensors::new(noiseless, self.is.seed),
+        }
+    }
+
+    /// Noise and delays that were set, as a dict: `position`, `orientation`, `gyro`, `accelerometer`,
+    /// `rotor_speed`, `pose_delay`, `pose_jitter`; what is absent is the simulating program's own.
+    #[getter]
+    fn noise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let unset = SensorParams {
+            position: f64::NAN,
+            orientation: f64::NAN,
+            gyro: f64::NAN,
+            accelerometer: f64::NAN,
+            rotor_speed: f64::NAN,
+            ..SensorParams::IDEAL
+        };
+        let s = self.is.sensors(&unset);
+        let out = PyDict::new(py);
+        for (name, value) in [
+            ("position", s.position),
+            ("orientation", s.orientation),
+            ("gyro", s.gyro),
+            ("accelerometer", s.accelerometer),
+            ("rotor_speed", s.rotor_speed),
+            ("pose_delay", self.is.delays.pose.unwrap_or(f64::NAN)),
+            ("pose_jitter", self.is.delays.pose_jitter.unwrap_or(f64::NAN)),
+        ] {
+            if !value.is_nan() {
+                out.set_item(name, value)?;
+            }
+        }
+        Ok(out)
+    }
+
+    /// Stiffness, N/m, and length, m, of the tool's rod; a stiffness of 0 is a rigid one.
+    #[getter]
+    fn rod(&self) -> (f64, f64) {
+        (self.is.effects.rod.stiffness, self.is.effects.rod.length)
+    }
+
+    /// What was drawn, as TOML: the vehicle and every section, each key with its meaning and unit.
+    fn to_toml(&self) -> String {
+        self.is.to_toml()
+    }
+
+    fn __repr__(&self) -> String {
+        let v = self.is.vehicle.vehicle();
+        format!("Drawn(vehicle='{}', seed={}, mass={:.4} kg)", self.is.vehicle.name(), self.is.seed, v.mass())
+    }
+}
+
+/// What acts on a vehicle beside its rotors' nominal wrench and its weight.
+#[pyclass(module = "tilthex")]
+pub(crate) struct Effects {
+    vehicle: tilthex_core::Vehicle,
+    pub(crate) block: EffectsBlock,
+    pub(crate) state: EffectsState,
+}
+
+#[pymethods]
+impl Effects {
+    /// Whether nothing changes the wrench on the airframe.
+    #[getter]
+    fn off(&self) -> bool {
+        self.block.are_off()
+    }
+
+    /// Velocity of the air at the vehicle, m/s, world, (3,).
+    #[getter]
+    fn wind<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.block.wind.velocity(&self.state.wind).as_slice())
+    }
+
+    /// Voltage of the battery, V.
+    #[getter]
+    fn voltage(&self) -> f64 {
+        self.state.battery.voltage()
+    }
+
+    /// The speeds that the motors drive their rotors to under a command, Hz, (n,).
+    fn reached<'py>(
+        &self,
+        py: Python<'py>,
+        rotor_command: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let count = self.vehicle.rotor_count();
+        let command = convert::rotors("rotor_command", rotor_command, count)?;
+        Ok(array1(py, &self.block.reached(&self.state, &command).as_slice()[..count]))
+    }
+
+    /// The wrench on the airframe in a state, in addition to the rotors' nominal one, (6,): force in world,
+    /// torque in robot coordinates, at the centre of mass. Then `dt` seconds pass.
+    #[expect(clippy::too_many_arguments, reason = "a state")]
+    fn step<'py>(
+        &mut self,
+        py: Python<'py>,
+        position: &Bound<'py, PyAny>,
+        velocity: &Bound<'py, PyAny>,
+        rotation: &Bound<'py, PyAny>,
+        angular_velocity: &Bound<'py, PyAny>,
+        rotor_speeds: &Bound<'py, PyAny>,
+        rotor_accelerations: &Bound<'py, PyAny>,
+        dt: f64,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let count = self.vehicle.rotor_count();
+        let robot = RobotState {
+            position_w: convert::vector("position", position)?,
+            velocity_w: convert::vector("velocity", velocity)?,
+            rotation_wr: convert::rotation("rotation", rotation)?,
+            angular_velocity_r: convert::vector("angular_velocity", angular_velocity)?,
+        };
+        let rotors = Rotors {
+            speeds: convert::rotors("rotor_speeds", rotor_speeds, count)?,
+            accelerations: convert::rotors("rotor_accelerations", rotor_accelerations, count)?,
+        };
+        let dt = convert::period(dt)?;
+        let wind_w = self.block.wind.velocity(&self.state.wind);
+        let mut wrench = self.block.wrench(&self.vehicle, &robot, &rotors, &wind_w);
+        wrench.force = robot.rotation_wr * wrench.force;
+        self.block.step(&mut self.state, &robot, &rotors, dt);
+        Ok(convert::wrench_array(py, &wrench))
+    }
+}
+
+/// The errors of a vehicle's sensors beside noise: biases, scale and axes of the gyroscope, vibration, the
+/// age of the rotor speeds, and where the captured body sits.
+#[pyclass(module = "tilthex")]
+pub(crate) struct SensorErrors {
+    plant: PlantBlock,
+    state: PlantState,
+    params: SensorParams,
+    sensors: Sensors,
+}
+
+type Sample<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
+
+#[pymethods]
+impl SensorErrors {
+    /// The captured point from the true centre of mass, m, robot, (3,).
+    #[getter]
+    fn captured<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        array1(py, self.params.captured_r.as_slice())
+    }
+
+    /// Lets `dt` seconds pass that end at rotor speeds, Hz, (n,).
+    fn step(&mut self, rotor_speeds: &Bound<'_, PyAny>, dt: f64) -> PyResult<()> {
+        let count = self.plant.vehicle().rotor_count();
+        self.state.rotor_speeds = convert::rotors("rotor_speeds", rotor_speeds, count)?;
+        self.sensors.pass(&self.plant, &self.state, convert::period(dt)?);
+        Ok(())
+    }
+
+    /// What the gyroscope, rad/s, and the accelerometer, m/s^2, say where perfect ones say this; IMU axes, (3,).
+    fn imu<'py>(
+        &mut self,
+        py: Python<'py>,
+        gyro: &Bound<'py, PyAny>,
+        specific_force: &Bound<'py, PyAny>,
+    ) -> PyResult<Sample<'py>> {
+        let truth = ImuSample {
+            gyro_i: convert::vector("gyro", gyro)?,
+            specific_force_i: convert::vector("specific_force", specific_force)?,
+        };
+        let said = self.sensors.imu(&truth);
+        Ok((array1(py, said.gyro_i.as_slice()), array1(py, said.specific_force_i.as_slice())))
+    }
+
+    /// Measured rotor speeds without noise, Hz, (n,).
+    fn rotor_speeds<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let measured = self.sensors.rotor_speeds(&self.plant, &self.state);
+        array1(py, &measured.as_slice()[..self.plant.vehicle().rotor_count()])
+    }
+}
