@@ -51,17 +51,14 @@ fn packed(compression: Option<Compression>, chunked: bool) -> Vec<u8> {
     let mut bytes = std::io::Cursor::new(Vec::new());
     let options = WriteOptions::new().compression(compression).use_chunks(chunked);
     let mut writer = options.create(&mut bytes).expect("begins");
-    for (name, text) in [("config.toml", &reader.attachments().config)] {
-        let data = text.as_bytes().into();
-        let attachment = mcap::Attachment {
-            log_time: 0,
-            create_time: 0,
-            name: name.into(),
-            media_type: "text/plain".into(),
-            data,
-        };
-        writer.attach(&attachment).expect("attached");
-    }
+    let attachment = mcap::Attachment {
+        log_time: 0,
+        create_time: 0,
+        name: "config.toml".into(),
+        media_type: "text/plain".into(),
+        data: reader.attachments().config.as_bytes().into(),
+    };
+    writer.attach(&attachment).expect("attached");
     let texts = BTreeMap::from([("take_off".into(), "true".into())]);
     let metadata = mcap::records::Metadata { name: "tilthex".into(), metadata: texts };
     writer.write_metadata(&metadata).expect("written");

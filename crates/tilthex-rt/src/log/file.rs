@@ -77,12 +77,9 @@ impl LogFile {
             ErrorKind::AlreadyExists => exists(path, "exists"),
             _ => refused(path, &e),
         })?;
-        match flock(&file, FlockOperation::NonBlockingLockExclusive) {
-            Err(Errno::WOULDBLOCK) => {
-                return Err(refused(path, &"another program writes its log there"));
-            }
-            // A file system without locks is no reason not to fly.
-            Ok(()) | Err(_) => {}
+        // A file system without locks is no reason not to fly.
+        if let Err(Errno::WOULDBLOCK) = flock(&file, FlockOperation::NonBlockingLockExclusive) {
+            return Err(refused(path, &"another program writes its log there"));
         }
         if there {
             file.set_len(0).map_err(|e| refused(path, &e))?;
