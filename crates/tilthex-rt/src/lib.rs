@@ -15,6 +15,7 @@ pub mod histogram;
 pub mod log;
 pub mod mocap;
 pub mod orders;
+mod output;
 pub mod phase_lock;
 pub mod port;
 pub mod realtime;

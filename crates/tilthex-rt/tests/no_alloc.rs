@@ -14,7 +14,7 @@ use tilthex_link::LinkedFlight;
 use tilthex_rt::{
     config::Config,
     control_loop::{ControlLoop, End, LoopParams},
-    log::Attachments,
+    log::{Attachments, LogFile},
     mocap::{Client, ClientParams, LineParams},
     orders::Orders,
     port::Port,
@@ -44,7 +44,7 @@ fn the_loop_never_allocates() {
     let directory = tempfile::tempdir().expect("a directory");
     let log = directory.path().join("flight.mcap");
     let (recorder, feed, _truth) = Recorder::start(RecorderParams {
-        log: Some(log),
+        log: Some(LogFile::create(&log, false).expect("free")),
         black_box: directory.path().join("fault.mcap"),
         attachments: Attachments::default(),
         rotor_count: 6,

@@ -15,7 +15,8 @@ use crate::{
 /// Flies a fully actuated multirotor as an end-effector.
 ///
 /// Exit status: 0 done; 2 usage or configuration; 3 the vehicle's link; 4 a
-/// fault ended the flight (the vehicle landed); 130 interrupted (likewise).
+/// fault ended the flight (the vehicle landed), or a replay comes out otherwise;
+/// 5 a replayed log breaks off; 130 interrupted (the vehicle landed).
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -46,6 +47,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
 
+    /// Replace the log where its file exists
+    #[arg(long)]
+    pub overwrite: bool,
+
     /// Land so long after take-off [default: when the trajectory ends, or on Ctrl-C]
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
@@ -57,6 +62,15 @@ pub struct Args {
     /// With --sim: what pushes the tool, and when
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
+
+    /// With --sim: how the simulated vehicle differs from the model: exact, measured, cad, outdoors, or a TOML file
+    /// with a [truth] table
+    #[arg(long, value_name = "LEVEL", requires = "sim")]
+    pub truth: Option<String>,
+
+    /// With --sim: chooses the simulated vehicle and its sensors' noise
+    #[arg(long, requires = "sim", default_value_t = 1)]
+    pub seed: u64,
 
     /// Take orders there from `tilthex.connect()`
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
@@ -96,6 +110,10 @@ pub(super) enum Action {
         /// Only faults of these kinds [default: all]
         #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
         faults: Vec<Kind>,
+        /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML
+        /// file with a [truth] table
+        #[arg(long, value_name = "LEVEL", default_value = "exact")]
+        truth: String,
     },
 }
 
