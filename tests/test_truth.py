@@ -285,3 +285,27 @@ def test_a_rod_in_a_world_bends_as_its_stiffness_says() -> None:
     moved = world.tool_position - home["tool_position"]
     assert_allclose(moved[:2], [2e-3, -1e-3], rtol=0.002, atol=1e-6)
     assert abs(moved[2]) < 1e-4
+
+
+def test_the_world_behind_the_wire_greets_with_what_was_drawn() -> None:
+    """The board has the errors of the vehicle in the world; the configuration has the model."""
+    pytest.importorskip("mujoco")
+    from tilthex.experiments import spec
+    from tilthex.experiments.world_process import GREETING, MAGIC
+
+    call = [sys.executable, "-m", "tilthex.experiments.world_process", "sliding"]
+
+    def greeting(*more: str) -> tuple[float, ...]:
+        done = subprocess.run(call + list(more), input=b"", capture_output=True, check=True, timeout=120)
+        magic, *numbers = GREETING.unpack(done.stdout[: GREETING.size])
+        assert magic == MAGIC
+        return tuple(numbers)
+
+    drawn = tilthex.Truth(VEHICLE, "outdoors").draw(4)
+    said, exact = greeting("--level", "outdoors", "--seed", "4"), greeting()
+    noise = spec.load("sliding").runs[0].noise
+    for numbers in (said, exact):
+        assert numbers[:3] == (6.0, VEHICLE.mass, noise.position)
+        assert numbers[-3] == noise.pose_period
+    assert_allclose(said[13:24], drawn.sensor_errors().constants[6:], atol=0)
+    assert not any(exact[13:24])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import GRAVITY, Config, Controller, Drawn, Plant, Setpoint, Truth, Vehicle, WrenchObserver, so3
+from tilthex.simulation import TRUTH_HELP
 
 Array = NDArray[np.float64]
 PERIOD = 0.002
@@ -162,12 +163,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--vehicle", action="append", help="a preset or a TOML file, any number of times (default: all)"
     )
-    parser.add_argument(
-        "--truth",
-        metavar="LEVEL",
-        help="how the simulated vehicle differs from the controller's model: exact, measured, cad, outdoors, "
-        "or a TOML file with a [truth] table",
-    )
+    parser.add_argument("--truth", metavar="LEVEL", help=TRUTH_HELP)
     parser.add_argument("--seed", type=int, default=1, help="with --truth: chooses the vehicle")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")
     parser.set_defaults(run=run)

@@ -15,6 +15,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+TRUTH_HELP = (
+    "how the simulated vehicle differs from the controller's model, drawn for each seed: exact, measured, "
+    "cad, outdoors, or a TOML file with a [truth] table"
+)
+"""What the command line's `--truth` is."""
+
+
 class Run(dict[str, NDArray[np.float64]]):
     """Named arrays, (N, k), one row a control period of 2 ms.
 

@@ -186,10 +186,10 @@ pub(crate) struct Effects {
 
 #[pymethods]
 impl Effects {
-    /// Whether nothing changes the wrench on the airframe.
+    /// Whether nothing acts: neither on the airframe nor on what the motors make of a command.
     #[getter]
     fn off(&self) -> bool {
-        self.block.are_off()
+        self.block.are_off() && self.block.throttle_voltage == 0.0
     }
 
     /// Velocity of the air at the vehicle, m/s, world, (3,).
@@ -283,6 +283,12 @@ impl SensorErrors {
         all.extend(p.captured_r.iter());
         all.push(p.rotor_speed_age);
         array1(py, &all)
+    }
+
+    /// Whether the errors depend on how the rotors turned before, so that [`SensorErrors.step`] is needed.
+    #[getter]
+    fn remembers(&self) -> bool {
+        self.params.vibration != 0.0 || self.params.rotor_speed_age != 0.0
     }
 
     /// Lets `dt` seconds pass that end at rotor speeds, Hz, (n,).

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tilthex.simulation import TRUTH_HELP
+
 if TYPE_CHECKING:
     from tilthex.experiments.record import Check, Record
     from tilthex.experiments.spec import Experiment, Run
@@ -45,12 +47,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--vehicle", metavar="NAME", help="fly another vehicle: a preset or a TOML file (default: the file's)"
     )
-    parser.add_argument(
-        "--truth",
-        metavar="LEVEL",
-        help="how the simulated vehicle differs from the controller's model, drawn anew for each seed: "
-        "exact, measured, cad, outdoors, or a TOML file with a [truth] table",
-    )
+    parser.add_argument("--truth", metavar="LEVEL", help=TRUTH_HELP)
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
     )

@@ -110,8 +110,10 @@ class World:
         self.data = mujoco.MjData(self.model)
         self.vehicle = vehicle
         self.noise = noise if drawn is None else replace(noise, **drawn.noise)
-        self._effects = None if drawn is None else drawn.effects()
+        effects = None if drawn is None else drawn.effects()
+        self._effects = None if effects is None or effects.off else effects
         self._errors = None if drawn is None else drawn.sensor_errors()
+        self._remembers = self._errors is not None and self._errors.remembers
         self.captured: Vector = np.zeros(3) if self._errors is None else self._errors.captured
         """The point that motion capture sees, from the centre of mass, R, m."""
         self.tool_offset = vehicle.tool_position
@@ -205,7 +207,7 @@ class World:
             if self._effects is not None:
                 self._act(self._effects, change / TIMESTEP)
             mujoco.mj_step(self.model, data)
-            if self._errors is not None:
+            if self._errors is not None and self._remembers:
                 self._errors.step(self.rotor_speeds, TIMESTEP)
             sums += data.sensordata[:3]
             force = data.qfrc_constraint[:3]
@@ -270,7 +272,9 @@ class World:
 
     def measured_rotor_speeds(self) -> Vector:
         """What the motor controllers say, Hz."""
-        speeds = self.rotor_speeds if self._errors is None else self._errors.rotor_speeds()
+        speeds = self.rotor_speeds
+        if self._errors is not None and self._remembers:
+            speeds = self._errors.rotor_speeds()
         return speeds + self.noise.rotor_speed * self._noise[6:]
 
     def arrived_poses(self) -> list[Pose]:
