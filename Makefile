@@ -19,7 +19,7 @@ help:
 demo:
 	mkdir -p out
 	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- \
-		--sim --duration 20 --pushes examples/push.toml --log out/demo.mcap
+		--sim --duration 20 --pushes examples/push.toml --overwrite --log out/demo.mcap
 
 test: lint rust-test python-test
 

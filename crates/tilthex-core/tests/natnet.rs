@@ -8,8 +8,9 @@ use tilthex_core::mocap::{
     Malformed,
     natnet::{
         BodyName, Frame, FrameTimes, MAX_PACKET, MessageId, ModelDef, RigidBody, ServerInfo, Version,
-        parse_connect, parse_echo_request, parse_echo_response, parse_packet, write_bare, write_connect,
-        write_echo_request, write_echo_response, write_frame, write_model_def, write_server_info,
+        announced_version, parse_connect, parse_echo_request, parse_echo_response, parse_packet, write_bare,
+        write_connect, write_echo_request, write_echo_response, write_frame, write_model_def,
+        write_server_info,
     },
 };
 
@@ -250,6 +251,30 @@ proptest! {
         let bytes = packet(|out| write_model_def(out, &models, version));
         let read = ModelDef::new(payload(&bytes, MessageId::ModelDef), version).unwrap();
         prop_assert_eq!(read.collect::<Result<Vec<_>, _>>().unwrap(), models);
+    }
+
+    /// A server may be told to send another version than its own.
+    #[test]
+    fn a_model_definition_names_its_own_layout(
+        names in vec((vec(1..=255_u8, 1..30), 1..100_000_i32), 0..15), version in version(), told in version(),
+    ) {
+        let models: Vec<_> = names.iter().map(|(name, id)| BodyName { name, id: *id }).collect();
+        let bytes = packet(|out| write_model_def(out, &models, version));
+        let read = ModelDef::new_either(payload(&bytes, MessageId::ModelDef), told).unwrap();
+        prop_assert_eq!(read.collect::<Result<Vec<_>, _>>().unwrap(), models);
+    }
+
+    /// An introduction of NatNet 2 ends behind its version; newer ones have it in the same place.
+    #[test]
+    fn an_introduction_tells_its_version(name in vec(1..=255_u8, 0..=255), major in 1..9_u8, minor in 0..9_u8) {
+        let mut payload = [0; 264];
+        payload[..name.len()].copy_from_slice(&name);
+        (payload[260], payload[261]) = (major, minor);
+        let version = Version { major, minor };
+        prop_assert_eq!(announced_version(&payload), Some(version));
+        prop_assert_eq!(version.is_known(), (3..=4).contains(&major));
+        prop_assert!(ServerInfo::parse(&payload).is_err());
+        prop_assert_eq!(announced_version(&payload[..263]), None);
     }
 
     #[test]

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from tilthex.experiments import ranges
 from tilthex.experiments.scenes import SCENES, Scene
 from tilthex.experiments.world import Noise
 
@@ -177,6 +178,7 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Table:
 
 
 def _run(kind: str, table: Table) -> Run:
+    ranges.check(table)
     trajectory = table.get("trajectory", {})
     _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint"})
     waypoints = []

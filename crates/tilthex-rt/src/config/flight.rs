@@ -42,11 +42,11 @@ impl Config {
     /// # Errors
     /// The section and the key that cannot be.
     pub fn linked_params(&self, take_off: bool) -> Result<LinkedParams, ConfigError> {
-        Ok(LinkedParams {
-            kind: self.link.kind()?,
-            link: self.link.params()?,
-            flight: self.flight_params(take_off)?,
-        })
+        let link = self.link.params()?;
+        // The line may have been changed since the configuration was read.
+        self.check_line(link)?;
+        self.check_hover()?;
+        Ok(LinkedParams { kind: self.link.kind()?, link, flight: self.flight_params(take_off)? })
     }
 }
 

@@ -8,6 +8,7 @@ mod control;
 mod estimator;
 pub mod files;
 mod flight;
+mod plausible;
 mod section;
 mod sections;
 mod time_scales;
@@ -172,6 +173,8 @@ impl Config {
             controller,
         };
         config.flight_params(false)?;
+        config.check_latency()?;
+        config.check_line(config.link.params()?)?;
         Ok(config)
     }
 
@@ -194,10 +197,12 @@ impl Config {
         &self.controller
     }
 
-    /// One sentence for each pair of blocks whose poles are too close.
+    /// One sentence for each pair of blocks whose poles are too close, and for numbers that are likely in another unit.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        time_scales::warnings(&self.controller)
+        let mut warnings = plausible::questions(self.vehicle.vehicle());
+        warnings.extend(time_scales::warnings(&self.controller));
+        warnings
     }
 }
 

@@ -1,6 +1,7 @@
 //! The `[vehicle]` section: a preset, a file, or a vehicle described in place.
 
 use super::{
+    plausible,
     section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
@@ -172,7 +173,12 @@ impl VehicleSection {
             }
         };
         let body: Body = section::read(&table)?;
+        for (key, place) in [("tool_position", &body.tool_position), ("imu_position", &body.imu_position)] {
+            plausible::check_place(key, &place.vector()).map_err(here)?;
+        }
+        plausible::check_mass(body.mass).map_err(here)?;
         let vehicle = build(&body, &rotors).map_err(|e| here(e.into()))?;
+        plausible::check_body(&vehicle).map_err(here)?;
         Ok(Self { body, rotors, vehicle })
     }
 

@@ -8,9 +8,10 @@ use std::{
 use tilthex_core::{
     clock_sync::{ClockEvent, ClockParams, ClockSync},
     echo_clock::EchoClock,
+    mocap::Malformed,
     mocap::natnet::{
-        DATA_PORT, Frame, MessageId, ModelDef, ServerInfo, Version, parse_echo_response, parse_packet,
-        write_bare, write_connect, write_echo_request,
+        DATA_PORT, Frame, MessageId, ModelDef, ServerInfo, Version, announced_version, parse_echo_response,
+        parse_packet, write_bare, write_connect, write_echo_request,
     },
 };
 
@@ -44,6 +45,24 @@ const DRIFT: f64 = 1e-4;
 enum Found {
     Body(i32),
     Others(Vec<Vec<u8>>),
+}
+
+/// What became of a frame.
+enum Taken {
+    /// It holds the body.
+    Body,
+    /// It holds so many others.
+    Others(usize),
+    /// It is laid out otherwise.
+    Unreadable(Malformed),
+}
+
+/// What an introduction says.
+enum Introduction {
+    /// The group that frames are sent to, where they are.
+    Server(Option<[u8; 4]>),
+    /// A version that this client does not read.
+    Version(Version),
 }
 
 /// A connection to a server.
@@ -116,7 +135,7 @@ impl Session {
             }
             self.receive(keep_alive, |session, id, payload| match id {
                 MessageId::Frame => {
-                    if session.take_frame(payload) {
+                    if matches!(session.take_frame(payload), Taken::Body) {
                         frame = Monotonic.now();
                     }
                     None::<()>
@@ -144,17 +163,22 @@ impl Session {
         let info = self.ask(Self::say_connect, |session, id, payload| {
             (id == MessageId::ServerInfo).then(|| session.take_info(payload)).flatten()
         });
-        info.ok_or_else(|| {
-            let server = self.server;
-            Failure::usage(if self.refused() > refused {
+        let server = self.server;
+        match info {
+            Some(Introduction::Server(group)) => Ok(group),
+            Some(Introduction::Version(Version { major, minor })) => Err(Failure::usage(format!(
+                "{server} speaks NatNet {major}.{minor}; expected 3.0 to 4.2: use a newer capture program, or let it \
+                 stream in another version"
+            ))),
+            None => Err(Failure::usage(if self.refused() > refused {
                 format!("{server} answers, but not as a NatNet server: check the port, usually 1510")
             } else {
                 format!(
                     "no NatNet server answers at {server}: check the address, that the capture system \
                      streams, and that no firewall stops UDP"
                 )
-            })
-        })
+            })),
+        }
     }
 
     /// Asks for the models; the body's id.
@@ -164,47 +188,78 @@ impl Session {
             // Until the first frame is due, the clock is known.
             session.line.say(|out| write_echo_request(out, Monotonic.now()));
         };
+        let mut unreadable = None;
         let found = self.ask(ask, |session, id, payload| {
-            (id == MessageId::ModelDef).then(|| session.take_models(payload)).flatten()
+            if id != MessageId::ModelDef {
+                return None;
+            }
+            let found = session.take_models(payload);
+            if found.is_none() {
+                unreadable = Some(payload.len());
+            }
+            found
         });
+        let (server, Version { major, minor }) = (self.server, self.version);
         match found {
             Some(Found::Body(id)) => {
                 self.body = id;
                 Ok(())
             }
+            Some(Found::Others(names)) if names.is_empty() => Err(Failure::usage(format!(
+                "{server} captures nothing, no rigid body: define `{}` there, and switch rigid bodies on in its stream",
+                self.uri.body
+            ))),
             Some(Found::Others(names)) => Err(Failure::usage(format!(
-                "{} captures no rigid body named `{}`; it captures {}",
-                self.server,
+                "{server} captures no rigid body named `{}`; it captures {}",
                 self.uri.body,
                 list(&names)
             ))),
-            None => Err(Failure::usage(format!(
-                "{} is a NatNet server but does not say what it captures: expected a model definition \
-                 of NatNet 3.0 to 4.2",
-                self.server
-            ))),
+            None => Err(Failure::usage(match unreadable {
+                Some(length) => format!(
+                    "{server} (NatNet {major}.{minor}) lists what it captures in a layout that is none of NatNet 3.0 to \
+                     4.2 ({length} bytes): let it stream in one of these versions"
+                ),
+                None => format!(
+                    "{server} (NatNet {major}.{minor}) does not answer what it captures: switch on its stream"
+                ),
+            })),
         }
     }
 
     fn first_frame(&mut self, multicast: Option<[u8; 4]>) -> Result<(), Failure> {
-        let mut frames = 0;
+        let mut last = None;
         let ask = |session: &mut Self| {
             session.line.say(|out| write_bare(out, MessageId::KeepAlive));
             session.line.say(|out| write_echo_request(out, Monotonic.now()));
         };
         let taken = self.ask(ask, |session, id, payload| {
-            frames += u32::from(id == MessageId::Frame);
-            (id == MessageId::Frame && session.take_frame(payload)).then_some(())
+            if id != MessageId::Frame {
+                return None;
+            }
+            match session.take_frame(payload) {
+                Taken::Body => Some(()),
+                other => {
+                    last = Some(other);
+                    None
+                }
+            }
         });
         taken.ok_or_else(|| {
-            let server = self.server;
-            Failure::usage(match multicast {
-                _ if frames > 0 => format!(
-                    "the frames of {server} do not hold the rigid body `{}`: expected NatNet 3.0 to 4.2 \
-                     with rigid bodies streamed",
-                    self.uri.body
+            let (server, body) = (self.server, &self.uri.body);
+            let Version { major, minor } = self.version;
+            Failure::usage(match (last, multicast) {
+                (Some(Taken::Others(0)), _) => format!(
+                    "the frames of {server} hold no rigid body at all: switch rigid bodies on in its stream"
                 ),
-                Some(_) if !self.line.has_group() => format!(
+                (Some(Taken::Others(count)), _) => format!(
+                    "the frames of {server} hold {count} rigid bodies but not `{body}`: is it switched on, and is its id \
+                     its own?"
+                ),
+                (Some(Taken::Unreadable(what)), _) => format!(
+                    "the frames of {server} (NatNet {major}.{minor}) are laid out otherwise than those of NatNet 3.0 to 4.2 \
+                     ({what}): let it stream in one of these versions"
+                ),
+                (_, Some(_)) if !self.line.has_group() => format!(
                     "{server} sends its frames to a group, none came here: use {}",
                     self.with(Protocol::NatNetMulticast)
                 ),
@@ -274,8 +329,10 @@ impl Session {
         self.sink.counters.status().refused
     }
 
-    /// The outer option is whether it could be read.
-    fn take_info(&mut self, payload: &[u8]) -> Option<Option<[u8; 4]>> {
+    fn take_info(&mut self, payload: &[u8]) -> Option<Introduction> {
+        if let Some(version) = announced_version(payload).filter(|version| !version.is_known()) {
+            return Some(Introduction::Version(version));
+        }
         let Ok(info) = ServerInfo::parse(payload) else {
             add(&self.sink.counters.refused, 1);
             return None;
@@ -283,17 +340,16 @@ impl Session {
         self.version = info.version;
         self.frequency = info.clock_frequency as f64;
         self.data_port = info.data_port;
-        Some(info.multicast)
+        Some(Introduction::Server(info.multicast))
     }
 
     fn take_models(&mut self, payload: &[u8]) -> Option<Found> {
         let mut names = Vec::new();
-        let models = ModelDef::new(payload, self.version).ok()?;
-        for body in models {
-            let Ok(body) = body else {
-                add(&self.sink.counters.refused, 1);
-                return None;
-            };
+        let Ok(models) = ModelDef::new_either(payload, self.version) else {
+            add(&self.sink.counters.refused, 1);
+            return None;
+        };
+        for body in models.flatten() {
             if body.name == self.uri.body.as_bytes() {
                 return Some(Found::Body(body.id));
             }
@@ -314,20 +370,23 @@ impl Session {
         }
     }
 
-    /// Hands the body's pose on; whether the frame held the body.
-    fn take_frame(&mut self, payload: &[u8]) -> bool {
+    /// Hands the body's pose on, where the frame holds it.
+    fn take_frame(&mut self, payload: &[u8]) -> Taken {
         let arrival = now();
-        let Ok((frame, version)) = Frame::parse_either(payload, self.version) else {
-            add(&self.sink.counters.refused, 1);
-            return false;
+        let (frame, version) = match Frame::parse_either(payload, self.version) {
+            Ok(read) => read,
+            Err(what) => {
+                add(&self.sink.counters.refused, 1);
+                return Taken::Unreadable(what);
+            }
         };
         self.version = version;
-        let Some(body) = frame.body(self.body) else { return false };
+        let Some(body) = frame.body(self.body) else { return Taken::Others(frame.bodies().count()) };
         if frame.models_changed {
             self.line.say(|out| write_bare(out, MessageId::RequestModelDef));
         }
         if !self.count(frame.number) {
-            return true;
+            return Taken::Body;
         }
         let exposed = (frame.times.mid_exposure != 0)
             .then(|| self.echo.to_ours(frame.times.mid_exposure as f64 / self.frequency, arrival))
@@ -343,7 +402,7 @@ impl Session {
         let position = body.position.map(f64::from);
         let quaternion = body.quaternion_xyzw.map(f64::from);
         self.sink.pose((time, arrival), position, quaternion, body.tracking_valid);
-        true
+        Taken::Body
     }
 
     /// Counts the frames that were lost before this one; false for one that came before.

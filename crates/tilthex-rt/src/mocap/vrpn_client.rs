@@ -24,8 +24,10 @@ use crate::Failure;
 const PATIENCE: Duration = Duration::from_millis(1200);
 /// Reads return at least so often, to see whether to stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
-/// Between attempts to connect again.
-const RECONNECT: Duration = Duration::from_millis(500);
+/// Between attempts to connect again, behind a first one at once: a pose that is lost for 0.5 s lands.
+const RECONNECT: Duration = Duration::from_millis(20);
+/// So long is waited for a server that is connected to again.
+const PATIENCE_AGAIN: Duration = Duration::from_millis(200);
 /// Names kept for a message.
 const MAX_NAMES: usize = 64;
 /// Stamps are wall-clock times of another machine.
@@ -55,7 +57,7 @@ pub(super) struct Session {
 impl Session {
     /// Finds the server and the tracker, and waits for its first pose.
     pub(super) fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, Failure> {
-        let stream = greet(server)?;
+        let stream = greet(server, PATIENCE)?;
         let clock = ClockSync::new(ClockParams { drift: DRIFT, ..ClockParams::default() })
             .map_err(|error| Failure::usage(error.to_string()))?;
         let names = Names::default();
@@ -72,11 +74,14 @@ impl Session {
                 continue;
             }
             add(&self.sink.counters.silences, 1);
-            std::thread::sleep(RECONNECT);
-            if let Ok(stream) = greet(self.server) {
-                self.stream = stream;
-                self.decoder = Decoder::default();
-                self.names = Names::default();
+            while !stop.load(Ordering::Relaxed) {
+                if let Ok(stream) = greet(self.server, PATIENCE_AGAIN) {
+                    self.stream = stream;
+                    self.decoder = Decoder::default();
+                    self.names = Names::default();
+                    break;
+                }
+                std::thread::sleep(RECONNECT);
             }
         }
     }
@@ -167,10 +172,10 @@ fn take(
     true
 }
 
-/// Connects and exchanges cookies.
-fn greet(server: SocketAddr) -> Result<TcpStream, Failure> {
+/// Connects and exchanges cookies, within a time for each.
+fn greet(server: SocketAddr, patience: Duration) -> Result<TcpStream, Failure> {
     let lost = |why: &str| Failure::usage(format!("no VRPN server at {server}: {why}"));
-    let mut stream = TcpStream::connect_timeout(&server, PATIENCE).map_err(|error| match error.kind() {
+    let mut stream = TcpStream::connect_timeout(&server, patience).map_err(|error| match error.kind() {
         ErrorKind::ConnectionRefused => {
             lost("nothing listens there; check the address and that the server runs")
         }
@@ -180,7 +185,7 @@ fn greet(server: SocketAddr) -> Result<TcpStream, Failure> {
     let set_up = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(READ_TIMEOUT)));
     set_up.and_then(|()| stream.write_all(&COOKIE)).map_err(|error| lost(&error.to_string()))?;
     let mut cookie = [0; COOKIE.len()];
-    let (mut filled, end) = (0, Instant::now() + PATIENCE);
+    let (mut filled, end) = (0, Instant::now() + patience);
     while filled < cookie.len() && Instant::now() < end {
         match stream.read(&mut cookie[filled..]) {
             Ok(0) => break,

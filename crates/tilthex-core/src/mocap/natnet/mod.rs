@@ -8,7 +8,7 @@ mod server;
 
 pub use frame::{Frame, FrameTimes, RigidBody, write_frame};
 pub use model::{BodyName, ModelDef, write_model_def};
-pub use server::{ServerInfo, write_server_info};
+pub use server::{ServerInfo, announced_version, write_server_info};
 
 use super::{
     Malformed,
@@ -36,10 +36,18 @@ pub struct Version {
 impl Version {
     /// Sections carry no sizes.
     pub const V3_0: Self = Self { major: 3, minor: 0 };
+    /// Descriptions of rigid bodies carry their markers' names from here on.
+    pub const V4_0: Self = Self { major: 4, minor: 0 };
     /// Sections and descriptions carry their sizes from here on.
     pub const V4_1: Self = Self { major: 4, minor: 1 };
     /// Descriptions of rigid bodies carry a rotation from here on.
     pub const V4_2: Self = Self { major: 4, minor: 2 };
+
+    /// Whether this module knows its layouts, or a layout that a later minor version may have kept.
+    #[must_use]
+    pub fn is_known(self) -> bool {
+        self >= Self::V3_0 && self.major <= 4
+    }
 
     fn has_sizes(self) -> bool {
         self >= Self::V4_1

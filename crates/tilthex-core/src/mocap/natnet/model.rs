@@ -35,6 +35,33 @@ impl<'a> ModelDef<'a> {
         Ok(Self { reader, remaining, version })
     }
 
+    /// Reads the payload in the layout of a version or, where that does not fit to the last byte, in the first other
+    /// one that does: a server may be told to send another version than its own.
+    ///
+    /// # Errors
+    /// What does not fit the version given, where none fits.
+    pub fn new_either(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
+        let others = [Version::V4_1, Version::V4_0, Version::V3_0];
+        let fitting = |version: Version| Self::new(payload, version).ok().filter(|models| models.fits());
+        core::iter::once(version)
+            .chain(others)
+            .find_map(fitting)
+            .map_or_else(|| Self::whole(payload, version), Ok)
+    }
+
+    /// In the layout of a version, whatever follows its last description.
+    fn whole(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
+        let models = Self::new(payload, version)?;
+        let mut read = models;
+        read.find_map(Result::err).map_or(Ok(models), Err)
+    }
+
+    /// Whether every description can be read and nothing follows the last.
+    fn fits(&self) -> bool {
+        let mut models = *self;
+        models.by_ref().all(|body| body.is_ok()) && models.reader.rest().is_empty()
+    }
+
     /// Reads one description; the inner `None` is one that is no rigid body.
     fn description(&mut self) -> Option<Option<BodyName<'a>>> {
         let kind = self.reader.i32()?;

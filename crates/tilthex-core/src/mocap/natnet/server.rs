@@ -22,6 +22,15 @@ pub struct ServerInfo<'a> {
     pub multicast: Option<[u8; 4]>,
 }
 
+/// The version of the bit stream that an introduction names, also one of NatNet 2, which ends behind it.
+#[must_use]
+pub fn announced_version(payload: &[u8]) -> Option<Version> {
+    let mut reader = Reader::new(payload);
+    reader.skip(256 + 4, 1)?;
+    let [major, minor, _, _] = reader.array()?;
+    (major > 0).then_some(Version { major, minor })
+}
+
 impl<'a> ServerInfo<'a> {
     /// Reads the payload.
     ///
