@@ -9,7 +9,7 @@ use tilthex_core::{
     trajectory::Trajectory,
 };
 use tilthex_rt::{
-    config::{Config, VehicleSection},
+    config::{Config, TruthSection, VehicleSection},
     sim::pushes::Pushes,
     simulate::{PERIOD, Scenario, Start, run},
 };
@@ -47,6 +47,7 @@ fn closed_loop(c: &mut Criterion) {
             start: Start::Air(Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity())),
             pushes: Pushes::default(),
             duration: 1000.0 * PERIOD,
+            truth: TruthSection::default(),
             sensors: SensorParams::EXPERIMENTS,
             seed: 1,
             estimate,

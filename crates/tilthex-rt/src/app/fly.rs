@@ -13,7 +13,7 @@ use tilthex_link::LinkedFlight;
 use super::{Args, report, status};
 use crate::{
     Failure,
-    config::Config,
+    config::{Config, TruthSection},
     control_loop::{ControlLoop, End, LoopParams},
     control_socket::{ControlSocket, Dispatcher},
     log::{Attachments, LogFile},
@@ -208,7 +208,9 @@ fn simulate(
     mut capture: Capture,
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
-    let mut params = SimulationParams::new(*config.vehicle.vehicle());
+    let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
+    let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+    let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }
