@@ -257,7 +257,7 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        let message = convert::truth(truth, self.rotor_count);
+        let message = convert::truth(time, truth, self.rotor_count);
         self.log.put(self.topics.truth, Stamp { publish: at, log: at }, &message)
     }
 
