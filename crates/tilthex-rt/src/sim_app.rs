@@ -11,16 +11,13 @@ use std::{
 
 use clap::Parser;
 
+use tilthex_config::{Config, VehicleSection};
+use tilthex_mocap::net::{LineParams, MocapUri};
+use tilthex_sim::{Body, FirmwareParams, Pushes, STEP, Simulation, SimulationParams};
+
 use crate::{
-    Failure,
-    config::{Config, VehicleSection},
-    failure,
-    mocap::{LineParams, MocapUri},
-    signals,
-    sim::{
-        Body, CAPTURE_EVERY, Capture, FirmwareParams, Pushes, STEP, Server, Simulation, SimulationParams,
-        World, world::WorldParams,
-    },
+    Failure, failure, signals,
+    sim::{CAPTURE_EVERY, Capture, Server, World, world::WorldParams},
 };
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.

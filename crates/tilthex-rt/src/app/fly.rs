@@ -7,24 +7,27 @@ use std::{
 };
 
 use rtrb::RingBuffer;
+use tilthex_config::{
+    Config,
+    orders::{self, Orders},
+};
 use tilthex_core::flight::Command;
 use tilthex_link::LinkedFlight;
+use tilthex_mocap::net::{Client, LineParams, MocapUri};
+use tilthex_sim::{Pushes, Simulation, SimulationParams};
 
 use super::{Args, report, status};
 use crate::{
     Failure,
-    config::Config,
     control_loop::{ControlLoop, End, LoopParams},
     control_socket::{ControlSocket, Dispatcher},
     log::Attachments,
-    mocap::{Client, LineParams, MocapUri},
-    orders::{self, Orders},
     port::Port,
     realtime,
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Pushes, Server, Simulation, SimulationParams},
+    sim::{CAPTURE_EVERY, Capture, Server},
 };
 
 /// From the exposure of a simulated camera to its frame on the network, s.

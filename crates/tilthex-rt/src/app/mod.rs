@@ -7,10 +7,11 @@ mod status;
 
 pub use args::Args;
 
+use tilthex_config::Config;
+use tilthex_sim::campaign::{self, Kind};
+
 use crate::{
     Failure,
-    campaign::{self, Kind},
-    config::Config,
     doctor::{self, Verdict},
     failure, replay,
 };
