@@ -1,7 +1,8 @@
 //! The axes of a capture system.
 
 use proptest::prelude::*;
-use tilthex_core::{Vector3, mocap::UpAxis, so3};
+use tilthex_core::{Vector3, so3};
+use tilthex_mocap::UpAxis;
 
 #[test]
 fn up_is_up() {
