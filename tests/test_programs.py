@@ -88,7 +88,11 @@ def sentence(result, status):
         (["--sim", "--config", "no.toml"], 2, "no.toml"),
         (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
         (["--sim", "--pushes", "no.toml"], 2, "no.toml"),
-        (["--sim", "--log", "/dev/full"], 2, "No space left on device"),
+        (["--sim", "--log", "/dev/full"], 2, "it is a device; expected a file"),
+        (["--sim", "--log", "/tmp"], 2, "it is a directory; expected a file"),
+        (["--sim", "--config", "/dev/zero"], 2, "it is a device; expected a file"),
+        (["--sim", "--trajectory", "/dev/zero"], 2, "it is a device; expected a file"),
+        (["--sim", "--pushes", "/dev/zero"], 2, "it is a device; expected a file"),
         (["--sim", "--duration", "nan"], 2, "--duration"),
         (["--sim", "--control", "0.0.0.0:0"], 2, "every network"),
         (["replay", "/dev/null"], 2, "MCAP"),
@@ -194,8 +198,10 @@ def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_pat
         os.close(line)
         assert simulated.poll() is None
     replayed = run("replay", log)
-    assert replayed.returncode == 0, replayed
+    assert replayed.returncode == 5, replayed
     assert int(replayed.stdout.split()[0]) > 1000
+    assert "the log is cut" in replayed.stdout
+    assert "breaks off" in sentence(replayed, 5)
 
 
 def test_a_pulled_port_in_flight_is_the_links_fault(tmp_path):

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from tilthex import __version__, design, estimate, fit, manoeuvres, plot
 from tilthex.experiments import cli as experiments
+from tilthex.log import LogCut
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
     design.add_parser,
@@ -32,7 +34,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         add_parser(commands)
     chosen = parser.parse_args(arguments)
     try:
-        chosen.run(chosen)
+        with warnings.catch_warnings():
+            warnings.simplefilter("once", LogCut)
+            warnings.showwarning = _show_warning
+            chosen.run(chosen)
     except ModuleNotFoundError as error:
         needed = f"this command needs {error.name}, which is not installed"
         print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments]'", file=sys.stderr)
@@ -43,6 +48,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     return 0
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """One sentence on standard error, as for what is refused."""
+    print(f"tilthex: warning: {message}", file=sys.stderr)
 
 
 if __name__ == "__main__":

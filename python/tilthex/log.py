@@ -1,39 +1,70 @@
-"""Reads the logs of `tilthex-rt` (MCAP) as arrays."""
+"""Reads the logs of `tilthex-rt` (MCAP) as arrays.
+
+    from tilthex import log
+
+    topics = log.read("flight.mcap", ["/state", "/flight"])
+    position = topics["/state"]["position_w"]  # (N, 3), m
+    aloft = log.flying(topics["/flight"]["phase"])  # (N,), bool
+
+A log that breaks off, as after `kill -9`, is read as far as it goes, and `LogCut` warns of what is missing.
+A damaged log is refused with the place of the damage.
+"""
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Vector = NDArray[np.float64]
-Columns = dict[str, Vector]
+from tilthex import _mcap
+
+Columns = dict[str, NDArray[Any]]
+
+TOPICS = {
+    "/state": "State",
+    "/setpoint": "Target",
+    "/reference": "Target",
+    "/wrench": "Wrenches",
+    "/control": "Control",
+    "/rotors": "Rotors",
+    "/flight": "Flight",
+    "/link": "Link",
+    "/timing": "Timing",
+    "/input": "Input",
+    "/output": "Output",
+    "/command": "Command",
+    "/truth": "Truth",
+}
+"""The topics of a flight and the messages that they hold; units and frames stand in each schema."""
+GROUNDED = ("disarmed", "starting", "grounded")
+"""Phases with the vehicle on the ground. The others: flying, holding, landing, emergency."""
+
+
+class LogCut(UserWarning):
+    """A log that breaks off, and what is missing of it."""
 
 
 def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
     """The messages of some topics as columns.
 
-    Each topic's columns are named by the path of the field in the message, with
-    a point between names: `position_w` (N, 3), `tool_w.force` (N, 3), `command`
-    (N, n). `log_time` (N,) is when the message was logged, s. Quaternions are (x, y, z, w).
+    Each topic's columns are named by the path of the field in the message, with a point between names:
+    `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is when the message was
+    logged, s since 1970. Quaternions are (x, y, z, w). `phase` is a name: disarmed, starting, grounded,
+    flying, holding, landing or emergency.
 
     Raises:
-        ValueError: The file is no finished MCAP log, or lacks a topic.
+        ValueError: The file is no log of tilthex-rt, is damaged (with the place), or lacks a topic.
+
+    Warns:
+        LogCut: The log breaks off; what is there is read.
     """
-    wanted = list(topics)
-    rows: dict[str, list[tuple[float, Any]]] = {topic: [] for topic in wanted}
-    with opened(path) as reader:
-        for _, channel, message, decoded in reader.iter_decoded_messages(topics=wanted):
-            rows[channel.topic].append((message.log_time * 1e-9, decoded))
-    for topic, messages in rows.items():
-        if not messages:
-            raise ValueError(f"{path} holds no messages of {topic}; expected a log of tilthex-rt")
-    return {topic: _columns(messages) for topic, messages in rows.items()}
+    log = Log(path)
+    return {topic: log.columns(topic) for topic in topics}
 
 
 def configuration(path: str | Path) -> str:
@@ -42,54 +73,147 @@ def configuration(path: str | Path) -> str:
     Raises:
         ValueError: There is none.
     """
-    with opened(path) as reader:
-        for attachment in reader.iter_attachments():
-            if attachment.name == "config.toml":
-                text: str = attachment.data.decode()
-                return text
-    raise ValueError(f"{path} has no configuration attached; expected a log of tilthex-rt")
+    return Log(path).configuration
 
 
-def flying(phase: Vector) -> NDArray[np.bool_]:
+def flying(phase: NDArray[Any]) -> NDArray[np.bool_]:
     """Where the vehicle is off the ground: flying, holding, landing or in an emergency."""
-    return phase >= 3
+    return ~np.isin(phase, GROUNDED)
 
 
-@contextmanager
-def opened(path: str | Path) -> Iterator[Any]:
-    """The reader of an MCAP log, its protobuf messages decoded."""
-    try:
-        from mcap.exceptions import McapError
-        from mcap.reader import make_reader
-        from mcap_protobuf.decoder import DecoderFactory
-    except ImportError as error:
-        raise ImportError(
-            f"reading a log needs {error.name}, which is not installed: pip install 'tilthex[analysis]'"
-        ) from error
-    with Path(path).open("rb") as stream:
+class Log:
+    """A log, found sound.
+
+    Attributes:
+        configuration: Its effective set-up, TOML.
+        missing: What is missing of a log that breaks off, as a sentence; None for a whole log.
+    """
+
+    def __init__(self, path: str | Path) -> None:
         try:
-            yield make_reader(stream, decoder_factories=[DecoderFactory()])
-        except (McapError, struct.error) as error:
-            raise ValueError(f"{path} is no whole MCAP log ({type(error).__name__})") from error
+            import mcap_protobuf.decoder  # noqa: F401
+        except ImportError as error:
+            raise ImportError(
+                f"reading a log needs {error.name}, which is not installed: pip install 'tilthex[analysis]'"
+            ) from error
+        self._path = path
+        self._log = _mcap.read(path)
+        self._decoders: dict[int, Callable[[bytes], Any]] = {}
+        self.missing = self._log.missing()
+        attached = self._log.attachments.get("config.toml")
+        if attached is None:
+            if self.missing and self._log.times is None:
+                size = len(self._log.data)
+                raise ValueError(
+                    f"{path} breaks off after {size} bytes, before the set-up that a log begins with: "
+                    "nothing can be read"
+                )
+            raise ValueError(
+                f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: "
+                "no set-up (config.toml) is attached"
+            )
+        self.configuration = attached.decode(errors="replace")
+        if self.missing:
+            warnings.warn(f"{path}: {self.missing}", LogCut, stacklevel=3)
+
+    @property
+    def topics(self) -> dict[str, int]:
+        """Topics that hold messages, and how many."""
+        counts: dict[str, int] = {}
+        for number, count in self._log.counts.items():
+            topic = self._log.channels[number].topic
+            counts[topic] = counts.get(topic, 0) + count
+        return counts
+
+    def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
+        """Log time, s, and message of a topic, in the order of the file."""
+        from google.protobuf.message import DecodeError
+
+        try:
+            for number, time, data in self._log.messages(self._channels(topic)):
+                yield time * 1e-9, self._decoders[number](data)
+        except DecodeError as error:
+            raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
+
+    def columns(self, topic: str) -> Columns:
+        """The messages of a topic as columns, as of `read`."""
+        times, messages = [], []
+        for time, message in self.messages(topic):
+            times.append(time)
+            messages.append(message)
+        if not messages:
+            raise ValueError(f"{self._path} holds no messages of {topic}; expected a log of tilthex-rt")
+        return {"log_time": np.array(times), **_columns(messages)}
+
+    def _channels(self, topic: str) -> list[int]:
+        """The channels of a topic, with a decoder of each."""
+        numbers = [number for number, channel in self._log.channels.items() if channel.topic == topic]
+        for number in numbers:
+            if number not in self._decoders:
+                self._decoders[number] = self._decoder(number)
+        return numbers
+
+    def _decoder(self, number: int) -> Callable[[bytes], Any]:
+        from mcap.records import Schema
+        from mcap_protobuf.decoder import DecoderFactory
+
+        channel = self._log.channels[number]
+        name, encoding, data = channel.schema
+        expected = "tilthex." + TOPICS.get(channel.topic, "")
+        found = None
+        if name == expected:
+            schema = Schema(id=1, name=name, encoding=encoding, data=data)
+            try:
+                found = DecoderFactory().decoder_for(channel.encoding, schema)
+            except Exception as error:
+                raise ValueError(
+                    f"{self._path}: the schema of {channel.topic} is damaged: {error}"
+                ) from error
+        if found is None:
+            raise ValueError(
+                f"{self._path} is no log of tilthex-rt: {channel.topic} holds messages of {name!r} "
+                f"({channel.encoding}); expected {expected} (protobuf)"
+            )
+        decoder: Callable[[bytes], Any] = found
+        return decoder
 
 
-def _columns(messages: list[tuple[float, Any]]) -> Columns:
-    columns = {"log_time": np.array([time for time, _ in messages])}
-    flat = [dict(_fields("", message)) for _, message in messages]
-    for name in flat[0]:
-        columns[name] = np.array([row[name] for row in flat], dtype=float)
+def _columns(messages: list[Any]) -> Columns:
+    """Field by field: how each is read follows once from the kind of message."""
+    columns: Columns = {}
+    for name, paths, names in _fields("", messages[0].DESCRIPTOR):
+        get: Callable[[Any], Any] = attrgetter(*paths)
+        rows: list[Any] = [get(message) for message in messages]
+        if names is not None:
+            columns[name] = np.array([names.get(row, str(row)) for row in rows])
+        elif hasattr(rows[0], "append"):
+            columns[name] = np.array([list(row) for row in rows], dtype=float)
+        else:
+            columns[name] = np.array(rows, dtype=float)
     return columns
 
 
-def _fields(prefix: str, message: Any) -> Iterable[tuple[str, Any]]:
-    """Numbers and lists of them; messages of x, y, z(, w) as lists, others field by field."""
-    for field in message.DESCRIPTOR.fields:
-        value = getattr(message, field.name)
+def _fields(prefix: str, descriptor: Any) -> Iterator[tuple[str, list[str], dict[int, str] | None]]:
+    """Name, paths and, of an enumeration, the names of a message's numbers and lists of them.
+
+    Messages of x, y, z(, w) are one column of several paths; others are gone through field by field.
+    """
+    for field in descriptor.fields:
         name = prefix + field.name
-        if field.message_type is None:
+        if field.enum_type is not None:
+            values = field.enum_type.values
+            # PHASE_FLYING is "flying".
+            yield name, [name], {v.number: v.name.partition("_")[2].lower() for v in values}
+        elif field.message_type is None:
             if field.type not in (field.TYPE_STRING, field.TYPE_BYTES):
-                yield name, value if isinstance(value, (int, float)) else list(value)
+                yield name, [name], None
         elif all(part.name in "xyzw" for part in field.message_type.fields):
-            yield name, [getattr(value, part.name) for part in field.message_type.fields]
-        else:
-            yield from _fields(f"{name}.", value)
+            yield name, [f"{name}.{part.name}" for part in field.message_type.fields], None
+        elif not _repeated(field):
+            yield from _fields(f"{name}.", field.message_type)
+
+
+def _repeated(field: Any) -> bool:
+    """Whether a field is a list; protobuf has told it in two ways."""
+    known = getattr(field, "is_repeated", None)
+    return bool(field.label == field.LABEL_REPEATED if known is None else known)

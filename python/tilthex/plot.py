@@ -44,8 +44,8 @@ def figure(path: str | Path) -> Figure:
             "drawing needs matplotlib, which is not installed: pip install 'tilthex[analysis]'"
         ) from error
 
-    topics = log.read(path, TOPICS)
-    truth = _truth(path)
+    flight = log.Log(path)
+    topics = {topic: flight.columns(topic) for topic in TOPICS}
     begin = topics["/flight"]["log_time"][0]
     rows = 6
     drawn, axes = plt.subplots(rows, 1, figsize=(9, 2.1 * rows), sharex=True, layout="constrained")
@@ -64,8 +64,9 @@ def figure(path: str | Path) -> Figure:
     axes[1].set_ylabel("position error, m")
     lines(2, "/control", "rotation_error_r", "-", "")
     axes[2].set_ylabel("rotation error")
-    if truth is not None:
-        topics["/truth"] = truth
+    # What a simulated vehicle knows of itself; a real one does not.
+    if "/truth" in flight.topics:
+        topics["/truth"] = flight.columns("/truth")
         lines(3, "/truth", "tool_wrench_w.force", ":", "true")
         lines(4, "/truth", "tool_wrench_w.torque", ":", "true")
     lines(3, "/wrench", "tool_w.force", "-", "observed")
@@ -89,14 +90,6 @@ def figure(path: str | Path) -> Figure:
         ax.legend(fontsize=6, ncols=6, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, borderpad=0)
         ax.margins(x=0)
     return drawn
-
-
-def _truth(path: str | Path) -> log.Columns | None:
-    """What a simulated vehicle knows of itself; a real one does not."""
-    try:
-        return log.read(path, ["/truth"])["/truth"]
-    except ValueError:
-        return None
 
 
 __all__ = ["add_parser", "figure"]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core
-from tilthex.log import opened
+from tilthex.log import Log
 
 Array = NDArray[np.float64]
 
@@ -126,14 +126,13 @@ def _read_row(place: str, row: dict[str, str], samples: list[list[float]], poses
 
 def _read_mcap(path: Path, config: _core.Config) -> Recording:
     times, chunks, poses = [], [], []
-    with opened(path) as log:
-        for _, _, _, tick in log.iter_decoded_messages(topics=["/input"]):
-            times.append(tick.time)
-            chunks.append(bytes(tick.link))
-            for pose in tick.poses:
-                if pose.tracking_valid:
-                    p = pose.position_w
-                    poses.append([pose.time, pose.arrival, p.x, p.y, p.z, *pose.rotation])
+    for _, tick in Log(path).messages("/input"):
+        times.append(tick.time)
+        chunks.append(bytes(tick.link))
+        for pose in tick.poses:
+            if pose.tracking_valid:
+                p = pose.position_w
+                poses.append([pose.time, pose.arrival, p.x, p.y, p.z, *pose.rotation])
     samples = _core.read_imu(config, times, chunks)
     return _assemble(samples, poses)
 

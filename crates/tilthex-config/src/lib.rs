@@ -6,6 +6,7 @@
 
 mod control;
 mod estimator;
+pub mod files;
 mod flight;
 pub mod orders;
 mod section;
@@ -202,8 +203,8 @@ impl Config {
 }
 
 fn read_file(path: &Path) -> Result<String, ConfigError> {
-    std::fs::read_to_string(path)
-        .map_err(|e| ConfigError::new(format!("can not read the file {}: {e}", path.display())))
+    files::read_text(path)
+        .map_err(|e| ConfigError::new(format!("cannot read the file {}: {e}", path.display())))
 }
 
 /// Parses TOML; an error says the line.

@@ -1,7 +1,7 @@
 //! Orders to a flight as text: JSON lines of the control socket and TOML
 //! trajectory files. One parser for both, and for the replay of a log.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use serde::{Deserialize, de::DeserializeOwned};
 use tilthex_core::{
@@ -12,7 +12,7 @@ use tilthex_core::{
     trajectory::{Limits, Waypoint},
 };
 
-use crate::ConfigError;
+use crate::{ConfigError, files};
 
 /// Force (N) and torque (N m), world.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -249,8 +249,7 @@ impl Orders {
 /// # Errors
 /// One sentence: the file, and why it can not be read.
 pub fn read_file(path: &Path) -> Result<String, ConfigError> {
-    fs::read_to_string(path)
-        .map_err(|e| ConfigError::new(format!("{}: can not be read: {e}", path.display())))
+    files::read_text(path).map_err(|e| ConfigError::new(format!("{}: cannot be read: {e}", path.display())))
 }
 
 /// The route of a trajectory file's text: `[limits]` and `[[waypoint]]` tables.

@@ -4,7 +4,7 @@ use super::{
     section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tilthex_core::{
     Rotor, Vehicle, so3,
     vehicle::{Mounting, TiltedHexarotor},
@@ -20,6 +20,9 @@ pub const PRESETS: &[(&str, &str)] = &[
     ("omnidirectional-octorotor", include_str!("../../../vehicles/omnidirectional-octorotor.toml")),
     ("coaxial-tilt-hex", include_str!("../../../vehicles/coaxial-tilt-hex.toml")),
 ];
+
+/// Files that may name one another, one after the other.
+const MAX_CHAIN: usize = 100;
 
 section! {
     /// The vehicle. Instead of these keys, or below them, `preset = "NAME"` or
@@ -137,7 +140,7 @@ impl VehicleSection {
     /// Says what is wrong, and which key.
     pub fn from_table(table: Table, folder: &Path) -> Result<Self, ConfigError> {
         let here = |e: ConfigError| e.within("[vehicle]");
-        let mut table = resolve(table, folder, 0)?;
+        let mut table = resolve(table, folder, &mut Vec::new())?;
         let hexarotor = table.remove("tilted_hexarotor");
         let list = table.remove("rotors");
         let known = Body::KEYS.iter().map(|k| k.name);
@@ -256,21 +259,33 @@ fn vehicle_of_text(text: &str) -> Result<Table, ConfigError> {
 }
 
 /// Puts the keys of `preset` or `file` under those that stand beside it.
-fn resolve(mut table: Table, folder: &Path, depth: usize) -> Result<Table, ConfigError> {
+/// `seen` are the files on the way here.
+fn resolve(mut table: Table, folder: &Path, seen: &mut Vec<PathBuf>) -> Result<Table, ConfigError> {
     let here = |e: ConfigError| e.within("[vehicle]");
     let (mut base, folder) = match (table.remove("preset"), table.remove("file")) {
         (None, None) => return Ok(table),
         (Some(Value::String(name)), None) => (preset(&name).map_err(here)?, folder.to_owned()),
         (None, Some(Value::String(file))) => {
             let path = folder.join(file);
+            let known = path.canonicalize().unwrap_or_else(|_| path.clone());
+            if seen.contains(&known) {
+                let sentence =
+                    format!("the files name one another in a circle: {} names itself", path.display());
+                return Err(here(ConfigError::new(sentence)));
+            }
+            if seen.len() == MAX_CHAIN {
+                let sentence = format!(
+                    "the files name one another {MAX_CHAIN} times, up to {}; expected fewer",
+                    path.display()
+                );
+                return Err(here(ConfigError::new(sentence)));
+            }
+            seen.push(known);
             (table_of_file(&path).map_err(here)?, path.parent().unwrap_or(Path::new("")).to_owned())
         }
         _ => return Err(here(ConfigError::new("expected one of `preset` and `file`, a text"))),
     };
-    if depth > 8 {
-        return Err(here(ConfigError::new("the files name one another in a circle")));
-    }
-    base = resolve(base, &folder, depth + 1)?;
+    base = resolve(base, &folder, seen)?;
     // Rotors given one way replace those given the other.
     for (given, replaced) in [("rotors", "tilted_hexarotor"), ("tilted_hexarotor", "rotors")] {
         if table.contains_key(given) {

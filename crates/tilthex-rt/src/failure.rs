@@ -6,6 +6,8 @@ use tilthex_config::ConfigError;
 use tilthex_mocap::net::SourceError;
 use tilthex_sim::SimError;
 
+use crate::output;
+
 /// Why a program ends; decides the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -15,6 +17,8 @@ pub enum Kind {
     Link,
     /// A fault ended the flight, the vehicle landed: 4.
     Fault,
+    /// A log breaks off, what is there of it is good: 5.
+    Incomplete,
     /// Interrupted, the vehicle landed: 130.
     Interrupted,
 }
@@ -51,6 +55,7 @@ impl Failure {
             Kind::Usage => 2,
             Kind::Link => 3,
             Kind::Fault => 4,
+            Kind::Incomplete => 5,
             Kind::Interrupted => 130,
         }
     }
@@ -89,13 +94,15 @@ impl From<SimError> for Failure {
 /// Ends a program: prints a failure to standard error and gives its status.
 #[must_use]
 pub fn exit(program: &str, result: Result<(), Failure>) -> ExitCode {
-    match result {
+    let status = match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("{program}: {failure}");
+            output::error(format_args!("{program}: {failure}"));
             ExitCode::from(failure.exit_status())
         }
-    }
+    };
+    output::settle();
+    status
 }
 
 /// Reads a program's arguments; help and version are printed, and end it.

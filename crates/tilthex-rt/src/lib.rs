@@ -11,6 +11,7 @@ pub mod doctor;
 pub mod failure;
 pub mod histogram;
 pub mod log;
+mod output;
 pub mod phase_lock;
 pub mod port;
 pub mod realtime;

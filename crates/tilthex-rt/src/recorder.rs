@@ -21,7 +21,7 @@ use tilthex_sim::{
 
 use crate::{
     Failure,
-    log::{Attachments, BlackBox, Epoch, FlightLog, Index},
+    log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Whereabouts, file::refused},
     summary::Statistics,
 };
 
@@ -94,11 +94,11 @@ fn lock(latest: &Mutex<Latest>) -> MutexGuard<'_, Latest> {
 }
 
 /// What is recorded, and where.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct RecorderParams {
     /// The log, if one is wanted.
-    pub log: Option<PathBuf>,
-    /// Where the last seconds go after a fault.
+    pub log: Option<LogFile>,
+    /// Where the last seconds go after a fault; beside it where the name is taken.
     pub black_box: PathBuf,
     /// What the log is attached.
     pub attachments: Attachments,
@@ -111,7 +111,14 @@ pub struct RecorderParams {
 pub struct Recorder {
     shared: Arc<Shared>,
     notes: mpsc::Sender<Note>,
-    thread: JoinHandle<Option<PathBuf>>,
+    thread: JoinHandle<Left>,
+}
+
+/// What the thread leaves.
+#[derive(Debug, Default)]
+struct Left {
+    black_box: Option<PathBuf>,
+    moved: bool,
 }
 
 /// What the recorder leaves.
@@ -121,25 +128,22 @@ pub struct Recorded {
     pub latest: Latest,
     /// The flight recorder's file, where a fault made it write one.
     pub black_box: Option<PathBuf>,
+    /// The log is no longer under its name: somebody has moved or replaced it.
+    pub moved: bool,
 }
 
 impl Recorder {
-    /// Opens the log and starts the thread.
+    /// Begins the log and starts the thread.
     ///
     /// # Errors
-    /// One sentence, where the log can not be created.
+    /// One sentence, where the log cannot be written.
     pub fn start(params: RecorderParams) -> Result<(Self, Feed, TruthFeed), Failure> {
         let epoch = Epoch::now();
         let log = match &params.log {
             None => None,
-            Some(path) => {
-                let refuse = |e: &dyn std::fmt::Display| {
-                    Failure::usage(format!(
-                        "the log {} can not be written: {e}; name a file in a writable place with --log",
-                        path.display()
-                    ))
-                };
-                let file = File::create(path).map_err(|e| refuse(&e))?;
+            Some(log) => {
+                let refuse = |e: &dyn std::fmt::Display| refused(log.path(), e);
+                let file = log.handle().map_err(|e| refuse(&e))?;
                 Some(
                     FlightLog::new(file, Index::Written, epoch, params.rotor_count, &params.attachments)
                         .map_err(|e| refuse(&root(&e)))?,
@@ -165,7 +169,7 @@ impl Recorder {
             .name("recorder".into())
             .stack_size(512 * 1024)
             .spawn(move || worker.run())
-            .map_err(|e| Failure::usage(format!("the recorder's thread can not be started: {e}")))?;
+            .map_err(|e| Failure::usage(format!("the recorder's thread cannot be started: {e}")))?;
         Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
     }
 
@@ -180,8 +184,8 @@ impl Recorder {
     pub fn finish(self) -> Recorded {
         let observer = self.observer();
         self.shared.stop.store(true, Ordering::Release);
-        let black_box = self.thread.join().ok().flatten();
-        Recorded { latest: observer.latest(), black_box }
+        let left = self.thread.join().unwrap_or_default();
+        Recorded { latest: observer.latest(), black_box: left.black_box, moved: left.moved }
     }
 }
 
@@ -197,7 +201,7 @@ struct Worker {
 }
 
 impl Worker {
-    fn run(mut self) -> Option<PathBuf> {
+    fn run(mut self) -> Left {
         loop {
             // Read before the rings: what was pushed before it was set is seen below.
             let last = self.shared.stop.load(Ordering::Acquire);
@@ -207,20 +211,35 @@ impl Worker {
             }
             std::thread::sleep(LOOK);
         }
+        self.look_for_file();
         if let Some(log) = self.log.take()
             && let Err(e) = log.finish()
         {
             self.lose(&e);
         }
-        if !lock(&self.shared.latest).statistics.ended_by_fault() {
-            return None;
-        }
-        match self.black_box.dump(&self.params.black_box) {
-            Ok(()) => Some(self.params.black_box),
-            Err(e) => {
-                self.lose(&e);
-                None
+        let moved = self.params.log.as_ref().is_some_and(|log| log.whereabouts() == Whereabouts::Moved);
+        let mut left = Left { black_box: None, moved };
+        if lock(&self.shared.latest).statistics.ended_by_fault() {
+            match self.report() {
+                Ok(path) => left.black_box = Some(path),
+                Err(e) => self.lose(&e),
             }
+        }
+        left
+    }
+
+    fn report(&mut self) -> Result<PathBuf, McapError> {
+        let (file, path) = LogFile::create_beside(&self.params.black_box)?;
+        self.black_box.dump(file)?;
+        Ok(path)
+    }
+
+    /// A log without a name is gone when the program ends.
+    fn look_for_file(&mut self) {
+        if let (Some(file), true) = (&self.params.log, self.log.is_some())
+            && file.whereabouts() == Whereabouts::Deleted
+        {
+            self.lose(&std::io::Error::other("somebody has deleted it").into());
         }
     }
 
@@ -244,6 +263,7 @@ impl Worker {
             if time - self.flushed >= FLUSH {
                 self.flushed = time;
                 self.write(FlightLog::flush);
+                self.look_for_file();
             }
             let mut latest = lock(&self.shared.latest);
             latest.statistics.tick(&tick);

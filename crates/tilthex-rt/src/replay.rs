@@ -2,7 +2,7 @@
 
 use std::{collections::VecDeque, path::Path};
 
-use prost::Message;
+use prost::{Message, Name};
 use tilthex_config::{
     Config,
     orders::{self, Orders},
@@ -12,7 +12,7 @@ use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
 
 use crate::{
     Failure,
-    log::{LogReader, TickMessages, convert::pose_from, messages as m},
+    log::{Channel, LogReader, TickMessages, convert::pose_from, messages as m},
 };
 
 /// What a replay found.
@@ -24,6 +24,8 @@ pub struct Replay {
     pub messages: u64,
     /// The first that came out otherwise: tick and topic.
     pub first_difference: Option<(u64, String)>,
+    /// What is missing of a log that breaks off, as a sentence.
+    pub missing: Option<String>,
 }
 
 /// Replays a log file.
@@ -31,47 +33,67 @@ pub struct Replay {
 /// # Errors
 /// One sentence, where it is no log of a flight, or not a complete one.
 pub fn file(path: &Path) -> Result<Replay, Failure> {
-    let log = LogReader::open(path)
-        .map_err(|e| Failure::usage(format!("{}: can not be read: {e}", path.display())))?;
-    replay(&log).map_err(|e| Failure::usage(format!("{}: {e}", path.display())))
+    let replayed = LogReader::open(path).and_then(|log| replay(&log));
+    replayed.map_err(|e| Failure::usage(format!("{} {e}", path.display())))
 }
 
 /// Replays a log.
 ///
 /// # Errors
-/// One sentence, where it is no log of a flight, or not a complete one.
+/// What follows the log's name in a sentence, where it is no log of a flight, or ticks are missing within it.
 pub fn replay(log: &LogReader) -> Result<Replay, String> {
-    let attachments = log.attachments().map_err(|e| format!("is no MCAP file: {e}"))?;
-    if attachments.config.is_empty() {
-        return Err("is no MCAP log of a flight: no set-up is attached".into());
-    }
-    let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| e.to_string())?;
-    let params = config.linked_params(attachments.take_off).map_err(|e| e.to_string())?;
+    let attachments = log.attachments();
+    let set_up = |e: &dyn std::fmt::Display| format!("has a set-up that this version does not take: {e}");
+    let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
+    let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
     let limits = config.mission.limits();
-    let route = attachments.trajectory.map(|text| orders::parse_route(&text, &limits)).transpose()?;
+    let route = attachments.trajectory.as_deref().map(|text| orders::parse_route(text, &limits));
+    let route = route.transpose().map_err(|e| set_up(&e))?;
+    for channel in log.channels().values() {
+        check(channel)?;
+    }
     let mut lines = VecDeque::new();
-    log.each(|topic, data| {
-        if topic == "/command" {
+    log.each(|channel, data| {
+        if channel.topic == "/command" {
             lines.extend(m::Command::decode(data).map(|command| command.json));
         }
-    })
-    .map_err(|e| format!("is no MCAP file: {e}"))?;
+    });
     let mut replayer = Replayer {
-        linked: LinkedFlight::new(params, route).map_err(|e| e.to_string())?,
+        linked: LinkedFlight::new(params, route).map_err(|e| set_up(&e))?,
         orders: Orders::new(limits, params.flight.controller.admittance),
         lines,
         rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),
         recorded: Vec::new(),
-        found: Replay::default(),
+        found: Replay { missing: log.missing(), ..Replay::default() },
         broken: None,
     };
-    log.each(|topic, data| replayer.take(topic, data)).map_err(|e| format!("is no MCAP file: {e}"))?;
-    match replayer.broken {
-        Some(reason) => Err(reason),
-        None if replayer.found.ticks == 0 => Err("holds no tick of a flight".into()),
-        None => Ok(replayer.found),
+    log.each(|channel, data| replayer.take(&channel.topic, data));
+    match (replayer.broken, log.missing()) {
+        (Some(reason), _) => Err(format!("cannot be run again: {reason}")),
+        (None, Some(missing)) if replayer.found.ticks == 0 => Err(format!("holds no whole tick: {missing}")),
+        (None, None) if replayer.found.ticks == 0 => Err("holds no tick of a flight".into()),
+        (None, _) => Ok(replayer.found),
     }
+}
+
+/// Refuses somebody else's channel under a name of ours.
+fn check(channel: &Channel) -> Result<(), String> {
+    let expected = match channel.topic.as_str() {
+        "/input" => m::Input::full_name(),
+        "/output" => m::Output::full_name(),
+        "/command" => m::Command::full_name(),
+        _ => return Ok(()),
+    };
+    if channel.schema == expected && channel.encoding == "protobuf" {
+        return Ok(());
+    }
+    Err(format!(
+        "is no log of tilthex-rt: {} holds messages of \"{}\" ({}); expected {expected} (protobuf)",
+        channel.topic,
+        channel.schema.escape_debug(),
+        channel.encoding.escape_debug()
+    ))
 }
 
 struct Replayer {

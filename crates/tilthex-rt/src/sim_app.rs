@@ -2,7 +2,6 @@
 
 use std::{
     fs,
-    io::{Write, stdout},
     os::unix::fs::symlink,
     path::{Path, PathBuf},
     sync::atomic::Ordering,
@@ -16,7 +15,9 @@ use tilthex_mocap::net::{LineParams, MocapUri};
 use tilthex_sim::{Body, FirmwareParams, Pushes, STEP, Simulation, SimulationParams};
 
 use crate::{
-    Failure, failure, signals,
+    Failure, failure,
+    output::say,
+    signals,
     sim::{CAPTURE_EVERY, Capture, Server, World, world::WorldParams},
 };
 
@@ -87,17 +88,16 @@ pub fn run() -> Result<(), Failure> {
     .map_err(|e| Failure::usage(e.to_string()))?;
     let server = start(&args, &config)?;
     let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
-    let mut out = stdout().lock();
-    let _ = writeln!(out, "{}", server.path().display()).and_then(|()| out.flush());
+    say!("{}", server.path().display());
     while server.is_running() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
     }
     let report = server.stop();
     if report.imu_to_command.count > 0 {
-        let _ = writeln!(out, "IMU byte out of vehicle to command in  {}", report.imu_to_command);
+        say!("IMU byte out of vehicle to command in  {}", report.imu_to_command);
     }
     if args.world.is_some() {
-        let _ = writeln!(out, "the world is behind the clock by {}", report.lag);
+        say!("the world is behind the clock by {}", report.lag);
     }
     report.failure.map_or(Ok(()), Err)
 }

@@ -18,7 +18,7 @@ use tilthex_mocap::{
 };
 use tilthex_rt::{
     control_loop::{ControlLoop, End, LoopParams},
-    log::Attachments,
+    log::{Attachments, LogFile},
     port::Port,
     realtime::LOOP_STACK,
     recorder::{Recorder, RecorderParams},
@@ -47,7 +47,7 @@ fn the_loop_never_allocates() {
     let directory = tempfile::tempdir().expect("a directory");
     let log = directory.path().join("flight.mcap");
     let (recorder, feed, _truth) = Recorder::start(RecorderParams {
-        log: Some(log),
+        log: Some(LogFile::create(&log, false).expect("free")),
         black_box: directory.path().join("fault.mcap"),
         attachments: Attachments::default(),
         rotor_count: 6,

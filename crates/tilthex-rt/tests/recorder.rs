@@ -14,14 +14,15 @@ use tilthex_core::{
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_rt::{
-    log::{Attachments, messages},
+    log::{Attachments, LogFile, messages},
     recorder::{Recorder, RecorderParams},
 };
 use tilthex_sim::feed::Tick;
 
 fn params(directory: &Path, log: &Path) -> RecorderParams {
+    let file = File::create(log).expect("opens");
     RecorderParams {
-        log: Some(log.into()),
+        log: Some(LogFile::new(file, log.into())),
         black_box: directory.join("fault.mcap"),
         attachments: Attachments { config: "[vehicle]\n".into(), ..Attachments::default() },
         rotor_count: 6,

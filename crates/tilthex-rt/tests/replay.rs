@@ -74,15 +74,17 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
 #[test]
 fn every_output_of_a_faulty_flight_is_reproduced_bit_for_bit() {
     let bytes = faulty_flight(Config::to_toml);
-    let replayed = replay::replay(&LogReader::new(bytes.clone())).expect("complete");
+    let replayed = replay::replay(&LogReader::new(bytes.clone()).expect("sound")).expect("complete");
     assert!(replayed.ticks > 5000, "{replayed:?}");
     assert_eq!(replayed.messages, 10 * replayed.ticks);
     assert_eq!(replayed.first_difference, None);
 
     // What was cut off is missing, the rest is reproduced all the same.
-    let cut = replay::replay(&LogReader::new(bytes[..bytes.len() / 2].to_vec())).expect("readable");
+    let cut =
+        replay::replay(&LogReader::new(bytes[..bytes.len() / 2].to_vec()).expect("sound")).expect("readable");
     assert!(cut.ticks > 100 && cut.ticks < replayed.ticks, "{cut:?}");
     assert_eq!(cut.first_difference, None);
+    assert!(replayed.missing.is_none() && cut.missing.is_some_and(|text| text.contains("breaks off")));
 }
 
 #[test]
@@ -91,6 +93,6 @@ fn another_set_up_does_not_reproduce_it() {
         let changes = "[pose_control]\nposition_gain = 99.0\n".parse().expect("TOML");
         config.overlaid(changes).expect("valid").to_toml()
     });
-    let replayed = replay::replay(&LogReader::new(bytes)).expect("complete");
+    let replayed = replay::replay(&LogReader::new(bytes).expect("sound")).expect("complete");
     assert!(replayed.first_difference.is_some());
 }

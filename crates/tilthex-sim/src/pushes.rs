@@ -8,10 +8,12 @@
 //! torque = [0.0, 0.0, 0.0]  # N m, world
 //! ```
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use serde::Deserialize;
 use tilthex_core::{Vector3, Wrench};
+
+use tilthex_config::files;
 
 use crate::SimError;
 
@@ -52,7 +54,7 @@ impl Pushes {
     /// One sentence: which file, which push, what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, SimError> {
         let refuse = |what: String| SimError::refused(format!("{}: {what}", path.display()));
-        let text = fs::read_to_string(path).map_err(|e| refuse(format!("can not be read: {e}")))?;
+        let text = files::read_text(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
         let pushes: Self = toml::from_str(&text).map_err(|e| {
             let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
             refuse(format!("line {line}: {}", e.message().replace('\n', " ")))
@@ -85,7 +87,7 @@ mod tests {
 
     fn read(text: &str) -> Result<Pushes, SimError> {
         let file = tempfile::NamedTempFile::new().expect("a file");
-        fs::write(file.path(), text).expect("written");
+        std::fs::write(file.path(), text).expect("written");
         Pushes::read(file.path())
     }
 

@@ -21,7 +21,7 @@ from tilthex.recording import rotations_from_quaternions
 Vector = NDArray[np.float64]
 
 TOPICS = ("/flight", "/state", "/setpoint", "/reference", "/wrench", "/control", "/timing")
-FLYING = 3
+FLYING = "flying"
 """The phase of a flight that nothing holds back."""
 APART = 3e-3
 """The logged set-point may be so far from the planned one, m: a tick's way, with a margin."""

@@ -12,7 +12,8 @@ use crate::{Failure, control_socket::DEFAULT_ADDRESS, realtime::Demand};
 /// Flies a fully actuated multirotor as an end-effector.
 ///
 /// Exit status: 0 done; 2 usage or configuration; 3 the vehicle's link; 4 a
-/// fault ended the flight (the vehicle landed); 130 interrupted (likewise).
+/// fault ended the flight (the vehicle landed), or a replay comes out otherwise;
+/// 5 a replayed log breaks off; 130 interrupted (the vehicle landed).
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -42,6 +43,10 @@ pub struct Args {
     /// The log to write [default: the configuration's]
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
+
+    /// Replace the log where its file exists
+    #[arg(long)]
+    pub overwrite: bool,
 
     /// Land so long after take-off [default: when the trajectory ends, or on Ctrl-C]
     #[arg(long, value_name = "S")]

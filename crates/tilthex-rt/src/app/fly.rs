@@ -6,14 +6,17 @@ use std::{
     time::Duration,
 };
 
-use rtrb::RingBuffer;
+use rtrb::{Consumer, RingBuffer};
 use tilthex_config::{
     Config,
     orders::{self, Orders},
 };
-use tilthex_core::flight::Command;
+use tilthex_core::{PoseSample, flight::Command};
 use tilthex_link::LinkedFlight;
-use tilthex_mocap::net::{Client, LineParams, MocapUri};
+use tilthex_mocap::{
+    ClientParams,
+    net::{Client, LineParams, MocapUri},
+};
 use tilthex_sim::{Pushes, Simulation, SimulationParams};
 
 use super::{Args, report, status};
@@ -21,7 +24,8 @@ use crate::{
     Failure,
     control_loop::{ControlLoop, End, LoopParams},
     control_socket::{ControlSocket, Dispatcher},
-    log::Attachments,
+    log::{Attachments, LogFile},
+    output::{self, say},
     port::Port,
     realtime,
     recorder::{Recorder, RecorderParams, TruthFeed},
@@ -41,7 +45,7 @@ const PATIENCE: f64 = 30.0;
 pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let config = args.config()?;
     for warning in config.warnings() {
-        eprintln!("tilthex-rt: warning: {warning}");
+        output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
     let params = config.linked_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
@@ -54,8 +58,16 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     };
     let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let land = signals::flag()?;
+    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+    if let Some(path) = &log {
+        LogFile::check(path, args.overwrite)?;
+    }
+    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
+    // A log is begun, and an old one replaced, when there is somebody to fly.
+    let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
+    let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
     let (recorder, feed, truths) =
-        Recorder::start(recorder_params(&config, trajectory, params.flight.take_off))?;
+        Recorder::start(recorder_params(&config, log, trajectory, params.flight.take_off))?;
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
     let orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
     let control = match &args.control {
@@ -65,36 +77,21 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         None => None,
     };
     if let Some(control) = &control {
-        println!("control socket at {}", control.address());
+        say!("control socket at {}", control.address());
     }
-    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
-    let (simulated, uri) = if args.sim {
-        let (capture, uri) = Capture::on_loopback(
-            client.up_axis,
-            LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() },
-        )?;
-        (Some(simulate(args, &config, capture, truths)?), Some(uri))
-    } else {
-        let uri = &config.mocap.uri;
-        (None, (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?)
-    };
-    let (name, baud) = match (&simulated, &args.port) {
-        (Some(server), _) => (server.path().display().to_string(), 0),
-        (None, Some(port)) => (port.clone(), config.link.baud),
-        (None, None) => {
-            return Err(Failure::usage(
-                "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
-            ));
+    let (simulated, peers) = match real {
+        Some(peers) => (None, peers),
+        None => {
+            let (capture, uri) = Capture::on_loopback(
+                client.up_axis,
+                LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() },
+            )?;
+            let server = simulate(args, &config, capture, truths)?;
+            let peers = Peers::open(server.path().display().to_string(), 0, Some(&uri), client)?;
+            (Some(server), peers)
         }
     };
-    let port = Port::open(&name, baud)?;
-    let (_client, poses) = match uri {
-        Some(uri) => {
-            let (client, poses) = Client::start(&uri, client)?;
-            (Some(client), poses)
-        }
-        None => (None, RingBuffer::new(1).1),
-    };
+    let Peers { name, port, client: _client, poses } = peers;
     let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
     let control_loop = ControlLoop {
         linked,
@@ -119,6 +116,40 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let refused_orders = control.map_or(0, |control| control.refused());
     report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
     report::outcome(end, &name, &land, &recorded)
+}
+
+/// The vehicle and the motion capture.
+struct Peers {
+    name: String,
+    port: Port,
+    client: Option<Client>,
+    poses: Consumer<PoseSample>,
+}
+
+impl Peers {
+    /// Those that the arguments and the set-up name.
+    fn connect(args: &Args, config: &Config, client: ClientParams) -> Result<Self, Failure> {
+        let Some(port) = &args.port else {
+            return Err(Failure::usage(
+                "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
+            ));
+        };
+        let uri = &config.mocap.uri;
+        let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
+        Self::open(port.clone(), config.link.baud, uri.as_ref(), client)
+    }
+
+    fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
+        let port = Port::open(&name, baud)?;
+        let (client, poses) = match uri {
+            Some(uri) => {
+                let (client, poses) = Client::start(uri, client)?;
+                (Some(client), poses)
+            }
+            None => (None, RingBuffer::new(1).1),
+        };
+        Ok(Self { name, port, client, poses })
+    }
 }
 
 /// The running loop: it says how it ended.
@@ -150,19 +181,23 @@ fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Runn
         .map_err(|e| Failure::usage(format!("the loop's thread can not be started: {e}")))?;
     let warnings = rights.recv().map_err(|_| Failure::usage("the loop's thread ended before it began"))??;
     for warning in warnings {
-        eprintln!("tilthex-rt: warning: {warning}");
+        output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
     Ok(Running { end })
 }
 
-fn recorder_params(config: &Config, trajectory: Option<String>, take_off: bool) -> RecorderParams {
-    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+fn recorder_params(
+    config: &Config,
+    log: Option<LogFile>,
+    trajectory: Option<String>,
+    take_off: bool,
+) -> RecorderParams {
     let black_box = log.as_ref().map_or_else(
         || {
             let unix = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
             PathBuf::from(format!("tilthex-fault-{}.mcap", unix.as_secs()))
         },
-        |log| log.with_extension("fault.mcap"),
+        |log| log.path().with_extension("fault.mcap"),
     );
     RecorderParams {
         log,

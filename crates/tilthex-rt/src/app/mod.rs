@@ -13,7 +13,7 @@ use tilthex_sim::campaign::{self, Kind};
 use crate::{
     Failure,
     doctor::{self, Verdict},
-    failure, replay,
+    failure, output, replay,
 };
 use args::Action;
 
@@ -27,14 +27,12 @@ const SHOWN_FAILURES: usize = 400;
 pub fn run() -> Result<(), Failure> {
     let args: Args = failure::arguments()?;
     match &args.action {
-        None if args.print_config => {
-            print!("{}", args.config()?.to_toml());
-            Ok(())
-        }
+        None if args.print_config => output::print(&args.config()?.to_toml()),
         None => fly::fly(&args),
         Some(Action::Doctor) => {
             let checks = doctor::examine(&args.config()?, args.port.as_deref(), args.realtime);
-            checks.iter().for_each(|check| println!("{check}"));
+            let text: Vec<_> = checks.iter().map(|check| format!("{check}\n")).collect();
+            output::print(&text.concat())?;
             let bad = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
             match bad {
                 0 => Ok(()),
@@ -46,13 +44,17 @@ pub fn run() -> Result<(), Failure> {
         }
         Some(Action::Replay { log }) => {
             let found = replay::file(log)?;
-            println!("{} ticks, {} messages run again", found.ticks, found.messages);
-            match found.first_difference {
-                None => {
-                    println!("every recorded output is reproduced bit for bit");
-                    Ok(())
+            output::print(&format!("{} ticks, {} messages run again\n", found.ticks, found.messages))?;
+            match (found.first_difference, found.missing) {
+                (None, None) => output::print("every recorded output is reproduced bit for bit\n"),
+                (None, Some(missing)) => {
+                    output::print(
+                        "every output that is there is reproduced bit for bit, but the log is cut\n",
+                    )?;
+                    let message = format!("{}: {missing}", log.display());
+                    Err(Failure { kind: failure::Kind::Incomplete, message })
                 }
-                Some((tick, topic)) => Err(Failure::fault(format!(
+                (Some((tick, topic)), _) => Err(Failure::fault(format!(
                     "{}: {topic} of tick {tick} comes out otherwise",
                     log.display()
                 ))),
@@ -70,24 +72,28 @@ pub fn run() -> Result<(), Failure> {
 fn fly_campaign(config: &Config, kinds: &[Kind], number: u64, seed: u64) -> Result<(), Failure> {
     if number == 1 {
         let (outcome, story) = campaign::again(config, kinds, seed)?;
+        let mut text = String::new();
         for injection in &outcome.injections {
-            println!("{}: {injection:?}", injection.kind.text());
+            text += &format!("{}: {injection:?}\n", injection.kind.text());
         }
-        print!("{story}");
+        text += &story;
         let end = match (outcome.ended, outcome.toppled) {
             (true, false) => "stands, motors off",
             (true, true) => "has toppled, motors off",
             (false, _) => "does not rest with its motors off",
         };
-        println!("worst error {:.3} m, touch-down {:.2} m/s, {end}", outcome.deviation, outcome.impact);
+        text +=
+            &format!("worst error {:.3} m, touch-down {:.2} m/s, {end}\n", outcome.deviation, outcome.impact);
+        output::print(&text)?;
         return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
     }
     let summary = campaign::run(config, kinds, number, seed)?;
-    print!("{}", summary.table());
+    let mut text = summary.table();
     let failures = summary.failures();
     for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {
-        println!("failed: seed {seed}: {failure}");
+        text += &format!("failed: seed {seed}: {failure}\n");
     }
+    output::print(&text)?;
     match failures.first_key_value() {
         None => Ok(()),
         Some((seed, first)) => Err(Failure::fault(format!(

@@ -11,8 +11,8 @@ use tilthex_core::{
 use tilthex_config::Config;
 
 use crate::{
-    Failure, Kind, control_loop::End, log::fault_names, recorder::Recorded, reference::Slept, sim::Report,
-    summary::Deflection,
+    Failure, Kind, control_loop::End, log::fault_names, output::say, recorder::Recorded, reference::Slept,
+    sim::Report, summary::Deflection,
 };
 
 /// Prints the figures of a flight.
@@ -24,32 +24,34 @@ pub(super) fn print(
     refused_orders: u64,
 ) {
     let s = &recorded.latest.statistics;
-    println!(
+    say!(
         "ticks               {} at {} Hz, {} with an inertial sample",
-        s.ticks, config.link.imu_rate, s.with_imu
+        s.ticks,
+        config.link.imu_rate,
+        s.with_imu
     );
     let machine = slept.map_or(String::new(), |slept| {
         format!(" (a thread that only sleeps lost {} on this machine)", slept.skipped)
     });
-    println!("late ticks          {} periods skipped{machine}", s.skipped);
+    say!("late ticks          {} periods skipped{machine}", s.skipped);
     for (name, quantiles) in s.times() {
-        println!("  {name:32}  {quantiles}");
+        say!("  {name:32}  {quantiles}");
     }
     if let Some(slept) = slept {
-        println!("  {:32}  {}", "wake-up of that other thread", slept.wake);
+        say!("  {:32}  {}", "wake-up of that other thread", slept.wake);
     }
     if let Some(report) = simulated {
-        println!("  {:32}  {}", "IMU byte out of vehicle to command in", report.imu_to_command);
+        say!("  {:32}  {}", "IMU byte out of vehicle to command in", report.imu_to_command);
     }
     if s.flew {
-        println!(
+        say!(
             "tracking error      {:.1} mm rms, {:.1} mm at most",
             1e3 * s.tracking.rms(),
             1e3 * s.tracking.max
         );
     }
     if simulated.is_some() && s.flew {
-        println!(
+        say!(
             "tool force          estimate {:.3} N rms off the true one, {:.2} N at most",
             s.force.rms(),
             s.force.max
@@ -57,7 +59,7 @@ pub(super) fn print(
     }
     if let Some(deflection) = &s.deflection {
         let (found, expected) = (deflection.tool_w.norm(), spring(config, deflection).norm());
-        println!(
+        say!(
             "deflection          {:.1} mm under {:.2} N; the spring's (f - dead zone) / K is {:.1} mm: {:+.1} mm",
             1e3 * found,
             deflection.force_w.norm(),
@@ -66,18 +68,22 @@ pub(super) fn print(
         );
     }
     if refused_orders > 0 {
-        println!("control socket      {refused_orders} requests refused");
+        say!("control socket      {refused_orders} requests refused");
     }
     if recorded.latest.dropped > 0 {
-        println!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
+        say!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
     }
     match (&recorded.latest.error, config.log.path.is_empty()) {
-        (Some(error), _) => println!("log                 {} breaks off: {error}", config.log.path),
-        (None, false) => println!("log                 {}", config.log.path),
+        (None, _) if recorded.moved => say!(
+            "log                 {} is no longer there: somebody has moved or replaced it in flight",
+            config.log.path
+        ),
+        (Some(error), _) => say!("log                 {} breaks off: {error}", config.log.path),
+        (None, false) => say!("log                 {}", config.log.path),
         (None, true) => {}
     }
     if let Some(path) = &recorded.black_box {
-        println!("last 10 s           {}", path.display());
+        say!("last 10 s           {}", path.display());
     }
 }
 

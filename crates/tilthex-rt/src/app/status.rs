@@ -1,7 +1,6 @@
 //! The live status: one line, from a thread that is not the loop's.
 
 use std::{
-    io::{IsTerminal, Write, stdout},
     sync::mpsc::RecvTimeoutError,
     time::{Duration, Instant},
 };
@@ -10,6 +9,7 @@ use super::fly::Running;
 use crate::{
     control_loop::End,
     log::fault_names,
+    output,
     recorder::{Latest, Observer},
 };
 
@@ -18,7 +18,7 @@ const IN_A_FILE: Duration = Duration::from_secs(2);
 
 /// Prints the status until the loop ends.
 pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
-    let terminal = stdout().is_terminal();
+    let terminal = output::is_terminal();
     let begin = Instant::now();
     let end = loop {
         let pause = if terminal { ON_A_TERMINAL } else { IN_A_FILE };
@@ -27,15 +27,12 @@ pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
             Err(RecvTimeoutError::Disconnected) => break None,
             Err(RecvTimeoutError::Timeout) => {
                 let line = line(begin.elapsed().as_secs_f64(), &observer.latest());
-                let mut out = stdout().lock();
-                // A closed pipe must not end a flight.
-                let _ = if terminal { write!(out, "\r{line}\x1b[K") } else { writeln!(out, "{line}") };
-                let _ = out.flush();
+                output::text(if terminal { format!("\r{line}\x1b[K") } else { format!("{line}\n") });
             }
         }
     };
     if terminal {
-        let _ = writeln!(stdout());
+        output::line("");
     }
     end
 }

@@ -1,8 +1,8 @@
 //! The flight recorder: the last seconds in memory, written to a file of its own after a fault.
 
-use std::{fs::File, io::BufWriter, path::Path};
+use std::{fs::File, io::BufWriter};
 
-use mcap::{McapError, MessageStream, WriteOptions};
+use mcap::{Compression, McapError, MessageStream, WriteOptions};
 
 use super::{
     flight_log::{Attachments, CONFIG, Epoch, FlightLog},
@@ -79,9 +79,10 @@ impl BlackBox {
     ///
     /// # Errors
     /// What the file says.
-    pub fn dump(&mut self, path: &Path) -> Result<(), McapError> {
+    pub fn dump(&mut self, file: File) -> Result<(), McapError> {
         self.close()?;
-        let mut out = WriteOptions::new().create(BufWriter::new(File::create(path)?))?;
+        let options = WriteOptions::new().compression(Some(Compression::Lz4));
+        let mut out = options.create(BufWriter::new(file))?;
         out.attach(&mcap::Attachment {
             log_time: 0,
             create_time: 0,

@@ -1,82 +1,123 @@
-//! Reads a log back, also one whose end is missing.
+//! Reads a log back: all of a whole one, all that is there of one that breaks off, nothing of a damaged one.
 
-use std::{collections::HashMap, io};
+use std::{collections::BTreeMap, fs::File, io::Read, path::Path};
 
-use mcap::{
-    McapError,
-    read::{LinearReader, MessageStream, Options},
-    records::Record,
+use mcap::records::op;
+
+use super::{
+    fields::{ChunkRecord, Fields, MAGIC, MessageRecord},
+    flight_log::Attachments,
+    scan::{Channel, Cut, Scan, scan},
+    unpack::unpack,
 };
 
-use super::flight_log::{Attachments, CONFIG, METADATA, TAKE_OFF, TRAJECTORY};
-
-/// A log in memory.
+/// A log in memory, found sound.
 #[derive(Debug)]
 pub struct LogReader {
     bytes: Vec<u8>,
+    found: Scan,
 }
 
 impl LogReader {
     /// A log from its bytes.
-    #[must_use]
-    pub fn new(bytes: Vec<u8>) -> Self {
-        Self { bytes }
+    ///
+    /// # Errors
+    /// What follows "the file" in a sentence: is no MCAP file, is damaged and where, is no log of a flight.
+    pub fn new(bytes: Vec<u8>) -> Result<Self, String> {
+        let found = scan(&bytes)?;
+        if found.attachments.config.is_empty() {
+            return Err(match found.cut {
+                Some(Cut { size, .. }) if found.times.is_none() => {
+                    format!(
+                        "breaks off after {size} bytes, before the set-up that a log begins with: nothing can be read"
+                    )
+                }
+                _ => format!(
+                    "is an MCAP file, written by \"{}\", but no log of tilthex-rt: no set-up (config.toml) is attached",
+                    found.library.escape_debug()
+                ),
+            });
+        }
+        Ok(Self { bytes, found })
     }
 
     /// Reads a file.
     ///
     /// # Errors
-    /// The file's.
-    pub fn open(path: &std::path::Path) -> io::Result<Self> {
-        std::fs::read(path).map(Self::new)
+    /// As [`Self::new`], or why the file cannot be read.
+    pub fn open(path: &Path) -> Result<Self, String> {
+        let read = || {
+            let mut bytes = Vec::new();
+            tilthex_config::files::open(path).and_then(|mut file: File| file.read_to_end(&mut bytes))?;
+            Ok(bytes)
+        };
+        let bytes = read().map_err(|e: std::io::Error| format!("cannot be read: {e}"))?;
+        Self::new(bytes)
     }
 
     /// What is attached.
-    ///
-    /// # Errors
-    /// Where it is no log.
-    pub fn attachments(&self) -> Result<Attachments, McapError> {
-        let mut found = Attachments::default();
-        let text = |data: &[u8]| String::from_utf8_lossy(data).into_owned();
-        for record in LinearReader::new_with_options(&self.bytes, Options::IgnoreEndMagic.into())? {
-            match record {
-                Ok(Record::Attachment { header, data, .. }) if header.name == CONFIG => {
-                    found.config = text(&data);
+    #[must_use]
+    pub fn attachments(&self) -> &Attachments {
+        &self.found.attachments
+    }
+
+    /// Its channels by their number.
+    #[must_use]
+    pub fn channels(&self) -> &BTreeMap<u16, Channel> {
+        &self.found.channels
+    }
+
+    /// Where it breaks off; `None` for a whole log.
+    #[must_use]
+    pub fn cut(&self) -> Option<Cut> {
+        self.found.cut
+    }
+
+    /// What is missing of a log that breaks off, as a sentence; `None` for a whole log.
+    #[must_use]
+    pub fn missing(&self) -> Option<String> {
+        let cut = self.found.cut?;
+        let left_out = match cut.size - cut.read {
+            0 => String::new(),
+            rest => format!(", and its last {rest} bytes are part of a record and are not read"),
+        };
+        let seconds = self.found.times.map_or(0.0, |(first, last)| (last - first) as f64 * 1e-9);
+        Some(if cut.index_only {
+            format!("the log breaks off in its index at byte {}: no message is missing{left_out}", cut.read)
+        } else {
+            format!(
+                "the log breaks off {seconds:.3} s after its first message, at byte {} of {}: what came later is missing (0.5 \
+                 s at most where the program was killed){left_out}",
+                cut.read, cut.size
+            )
+        })
+    }
+
+    /// Calls `each` with channel and bytes of every message, in the order of the file, up to where it ends or breaks off.
+    pub fn each(&self, mut each: impl FnMut(&Channel, &[u8])) {
+        let mut give = |body: Fields<'_>| {
+            if let Some(message) = MessageRecord::read(body)
+                && let Some(channel) = self.found.channels.get(&message.channel)
+            {
+                each(channel, message.data);
+            }
+        };
+        let mut rest = Fields(self.bytes.get(MAGIC.len()..self.found.end).unwrap_or_default());
+        while let Some((kind, body)) = rest.record() {
+            match kind {
+                op::MESSAGE => give(body),
+                // Sound, or the first pass had refused it.
+                op::CHUNK => {
+                    let unpacked = ChunkRecord::read(body).and_then(|chunk| unpack(&chunk).ok());
+                    let mut inner = Fields(unpacked.as_deref().unwrap_or_default());
+                    while let Some((kind, body)) = inner.record() {
+                        if kind == op::MESSAGE {
+                            give(body);
+                        }
+                    }
                 }
-                Ok(Record::Attachment { header, data, .. }) if header.name == TRAJECTORY => {
-                    found.trajectory = Some(text(&data));
-                }
-                Ok(Record::Metadata(m)) if m.name == METADATA => {
-                    found.take_off = m.metadata.get(TAKE_OFF).is_some_and(|value| value == "true");
-                }
-                Ok(_) => {}
-                // The rest is missing: the program was killed.
-                Err(_) => break,
+                _ => {}
             }
         }
-        Ok(found)
-    }
-
-    /// Calls `each` with topic and bytes of every message, in the order of the
-    /// file, up to where it ends or breaks off.
-    ///
-    /// # Errors
-    /// Where it is no log.
-    pub fn each(&self, mut each: impl FnMut(&str, &[u8])) -> Result<(), McapError> {
-        for message in MessageStream::new_with_options(&self.bytes, Options::IgnoreEndMagic.into())? {
-            let Ok(message) = message else { break };
-            each(&message.channel.topic, &message.data);
-        }
-        Ok(())
-    }
-
-    /// How many messages each channel has.
-    ///
-    /// # Errors
-    /// Where it is no log.
-    pub fn counts(&self) -> Result<HashMap<String, u64>, McapError> {
-        let mut counts = HashMap::new();
-        self.each(|topic, _| *counts.entry(topic.to_string()).or_default() += 1)?;
-        Ok(counts)
     }
 }
