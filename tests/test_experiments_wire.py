@@ -169,7 +169,7 @@ def test_the_process_ends_with_its_input_and_writes_the_truth(tmp_path: Path) ->
     requests = [struct.pack(f"<Q{MAX_ROTORS}d", at, *[0.0] * MAX_ROTORS) for at in (5, 1_000_005)]
     done = subprocess.run(call, input=b"".join(requests), capture_output=True, check=False, timeout=120)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith(b"tilthex1")
+    assert done.stdout.startswith(b"tilthex2")
     assert STATE.unpack(done.stdout[-STATE.size :])[0] == 1_000_005
     with np.load(truth) as found:
         assert found["at"].tolist() == [0, 5, 1_000_005]

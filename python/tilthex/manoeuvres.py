@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import GRAVITY, Config, Controller, Plant, Setpoint, Vehicle, WrenchObserver, so3
+from tilthex import GRAVITY, Config, Controller, Drawn, Plant, Setpoint, Truth, Vehicle, WrenchObserver, so3
 
 Array = NDArray[np.float64]
 PERIOD = 0.002
@@ -52,7 +52,14 @@ class Flight:
     lost: bool
 
 
-def fly(vehicle: Vehicle, manoeuvre: str, way: str, seconds: float = 6.0, **sections: Any) -> Flight:
+def fly(
+    vehicle: Vehicle,
+    manoeuvre: str,
+    way: str,
+    seconds: float = 6.0,
+    drawn: Drawn | None = None,
+    **sections: Any,
+) -> Flight:
     """Flies one of `MANOEUVRES` in one of `WAYS` from a hover, on the simulated plant with exact sensors.
 
     Args:
@@ -60,6 +67,7 @@ def fly(vehicle: Vehicle, manoeuvre: str, way: str, seconds: float = 6.0, **sect
         manoeuvre: which.
         way: how limits are treated.
         seconds: how long.
+        drawn: what is true where the vehicle differs from its model; its sensors stay ideal.
         **sections: changes of the vehicle's default configuration.
     """
     for name, found, known in (("manoeuvre", manoeuvre, MANOEUVRES), ("way", way, WAYS)):
@@ -71,7 +79,8 @@ def fly(vehicle: Vehicle, manoeuvre: str, way: str, seconds: float = 6.0, **sect
     config = Config.default(vehicle).replace(**sections)
     controller = Controller(vehicle, config)
     at_rest = WrenchObserver(vehicle, config)
-    plant = Plant(vehicle, [0.0, 0.0, 1.0])
+    true_vehicle = vehicle if drawn is None else drawn.vehicle
+    plant = Plant(true_vehicle, [0.0, 0.0, 1.0], effects=None if drawn is None else drawn.effects())
     inverse = np.linalg.pinv(vehicle.allocation)
     lower, upper = (vehicle.rotor_speed_limits * np.abs(vehicle.rotor_speed_limits)).T
     home, home_rotation = plant.tool_position, plant.tool_rotation
@@ -150,7 +159,16 @@ def add_parser(subparsers: Any) -> None:
         help="fly what the rotors can not give, with the allocator and with a clip",
         description="Flies saturating manoeuvres with every vehicle, prints a table and plots each.",
     )
-    parser.add_argument("--vehicle", action="append", help="a preset, any number of times (default: all)")
+    parser.add_argument(
+        "--vehicle", action="append", help="a preset or a TOML file, any number of times (default: all)"
+    )
+    parser.add_argument(
+        "--truth",
+        metavar="LEVEL",
+        help="how the simulated vehicle differs from the controller's model: exact, measured, cad, outdoors, "
+        "or a TOML file with a [truth] table",
+    )
+    parser.add_argument("--seed", type=int, default=1, help="with --truth: chooses the vehicle")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")
     parser.set_defaults(run=run)
 
@@ -169,12 +187,13 @@ def run(arguments: argparse.Namespace) -> None:
     )
     print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for name in arguments.vehicle or Vehicle.presets():
-        vehicle = Vehicle.preset(name)
+        vehicle = Vehicle.named(name)
+        drawn = Truth(vehicle, arguments.truth).draw(arguments.seed)
         ways = WAYS if np.linalg.matrix_rank(vehicle.allocation) == 6 else ("clip", "turned")
-        flights = {(m, w): fly(vehicle, m, w) for m in MANOEUVRES for w in ways}
+        flights = {(m, w): fly(vehicle, m, w, drawn=drawn) for m in MANOEUVRES for w in ways}
         for (manoeuvre, way), flight in flights.items():
             cells = (
-                name,
+                vehicle.name,
                 manoeuvre,
                 way,
                 f"{np.nanmax(attitude_errors(flight, manoeuvre, way)):.1f}",
@@ -183,7 +202,8 @@ def run(arguments: argparse.Namespace) -> None:
                 f"{np.nanmax(flight.false_force):.3f}",
             )
             print(f"| {' | '.join(cells)} |")
-        _plot(flights, ways, name, arguments.out / f"{name}.png")
+        stem = Path(name).stem
+        _plot(flights, ways, vehicle.name, arguments.out / f"{stem}.png")
 
 
 def attitude_errors(flight: Flight, manoeuvre: str, way: str) -> Array:

@@ -146,20 +146,13 @@ def to_mjcf(
 
 
 def _looks(body: ET.Element, vehicle: Vehicle, rod_end: Vector) -> None:
-    """Arms and discs, without mass or contact.
-
-    A rotor is drawn where its line of thrust passes nearest to the centre of mass:
-    the allocation matrix does not say where on that line it is.
-    """
+    """Arms and discs, without mass or contact, where the rotors are."""
     unseen = {"contype": "0", "conaffinity": "0", "mass": "0"}
     dark = unseen | {"rgba": "0.2 0.22 0.25 1", "type": "capsule"}
-    for force, torque in zip(vehicle.allocation[:3].T, vehicle.allocation[3:].T, strict=True):
-        square = float(force @ force)
-        if square == 0.0:
-            continue
-        place = np.cross(force, torque) / square
-        axis = force / np.sqrt(square)
-        ET.SubElement(body, "geom", dark, size="0.008", fromto=numbers((0, 0, 0, *place)))
+    for rotor in vehicle.rotors:
+        place, axis = np.array(rotor["position"]), np.array(rotor["axis"])
+        if place @ place > 0.0:
+            ET.SubElement(body, "geom", dark, size="0.008", fromto=numbers((0, 0, 0, *place)))
         disc = numbers((*place, *(place + 0.004 * axis)))
         ET.SubElement(
             body, "geom", unseen, type="cylinder", size="0.12", fromto=disc, rgba="0.2 0.5 0.8 0.35"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -55,6 +56,7 @@ def simulate(
     estimator: bool = True,
     pose_delay: float = 0.015,
     start: str = "air",
+    truth: _core.Truth | str | os.PathLike[str] | dict[str, Any] | None = None,
 ) -> Run:
     """Flies the flight of `tilthex-rt` on the simulated vehicle, in Rust and without the GIL.
 
@@ -76,6 +78,9 @@ def simulate(
         pose_delay: Age of a captured pose when it arrives, s.
         start: "air" begins at rest with the tool on its first set-point; "ground" begins with the motors off,
             takes off, hovers and then flies to the set-point or along the trajectory.
+        truth: In what the vehicle differs from `config`'s, which the controller never sees: a level
+            ("exact", "measured", "cad", "outdoors"), a TOML file with a `[truth]` table, or its keys.
+            Drawn with `seed`; `Truth(config.vehicle, truth).draw(seed)` is what was flown.
     """
     return Run(
         _core.simulate(
@@ -91,5 +96,6 @@ def simulate(
             estimator=estimator,
             pose_delay=pose_delay,
             start=start,
+            truth=truth,
         )
     )

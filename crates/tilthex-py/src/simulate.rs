@@ -1,6 +1,6 @@
 //! `tilthex._core.simulate`: a closed loop with the GIL released.
 
-use crate::{config::Config, convert, setpoint::Setpoint, trajectory::Trajectory};
+use crate::{config::Config, convert, setpoint::Setpoint, trajectory::Trajectory, truth};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -16,7 +16,8 @@ use tilthex_sim::{
 #[pyfunction]
 #[pyo3(signature = (
     config, *, duration, setpoint=None, trajectory=None, pushes=None, noise=1.0, gyro_bias=None,
-    accelerometer_bias=None, seed=0, estimator=true, pose_delay=0.015, start="air"
+    accelerometer_bias=None, seed=0, estimator=true, pose_delay=0.015, start="air",
+    truth=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
 pub(crate) fn simulate<'py>(
@@ -33,6 +34,7 @@ pub(crate) fn simulate<'py>(
     estimator: bool,
     pose_delay: f64,
     start: &str,
+    truth: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let trajectory = match (setpoint, trajectory) {
         (Some(Setpoint(s)), None) => tilthex_core::trajectory::Trajectory::hold(s.position_w, s.rotation_we),
@@ -57,6 +59,7 @@ pub(crate) fn simulate<'py>(
         config: &config.checked,
         start,
         pushes: Pushes::new(pushes.collect::<PyResult<_>>()?),
+        truth: truth::section(truth)?,
         duration: convert::number("duration", duration, 0.0, 1e5)?,
         sensors: sensors(convert::number("noise", noise, 0.0, 1e3)?, gyro_bias, accelerometer_bias)?,
         seed,

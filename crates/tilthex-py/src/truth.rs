@@ -269,6 +269,22 @@ impl SensorErrors {
         array1(py, self.params.captured_r.as_slice())
     }
 
+    /// What stays as it was drawn, (17,): bias of the gyroscope, rad/s, and of the accelerometer, m/s^2, scale and
+    /// misalignment of the gyroscope (3 each, IMU axes), vibration, m/s^2, the captured point (3), m, the age of the
+    /// rotor speeds, s.
+    #[getter]
+    fn constants<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let p = &self.params;
+        let mut all = Vec::with_capacity(17);
+        for v in [p.gyro_bias_i, p.accelerometer_bias_i, p.gyro_scale_i, p.gyro_misalignment_i] {
+            all.extend(v.iter());
+        }
+        all.push(p.vibration);
+        all.extend(p.captured_r.iter());
+        all.push(p.rotor_speed_age);
+        array1(py, &all)
+    }
+
     /// Lets `dt` seconds pass that end at rotor speeds, Hz, (n,).
     fn step(&mut self, rotor_speeds: &Bound<'_, PyAny>, dt: f64) -> PyResult<()> {
         let count = self.plant.vehicle().rotor_count();

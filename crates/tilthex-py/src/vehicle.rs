@@ -32,6 +32,12 @@ impl Vehicle {
         Ok(Self { section: VehicleSection::preset(name).map_err(convert::config_error)? })
     }
 
+    /// A preset by its name, or the vehicle of a file whose name ends in `.toml`.
+    #[staticmethod]
+    fn named(name: &str) -> PyResult<Self> {
+        if name.ends_with(".toml") { Self::from_toml(PathBuf::from(name)) } else { Self::preset(name) }
+    }
+
     /// The names of the presets.
     #[staticmethod]
     fn presets() -> Vec<&'static str> {

@@ -10,9 +10,9 @@ use std::{
 
 use clap::Parser;
 
-use tilthex_config::{Config, VehicleSection};
+use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_mocap::net::{LineParams, MocapUri};
-use tilthex_sim::{Body, FirmwareParams, Pushes, STEP, Simulation, SimulationParams};
+use tilthex_sim::{Body, Pushes, STEP, Simulation, SimulationParams};
 
 use crate::{
     Failure, failure,
@@ -56,7 +56,12 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml")]
     pub pushes: Option<PathBuf>,
 
-    /// Chooses the sensors' noise
+    /// How the vehicle differs from the configuration's: exact, measured, cad, outdoors, or a TOML file with a
+    /// [truth] table
+    #[arg(long, value_name = "LEVEL", default_value = "exact")]
+    pub truth: String,
+
+    /// Chooses the sensors' noise and, with --truth, the vehicle
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
 
@@ -104,26 +109,32 @@ pub fn run() -> Result<(), Failure> {
 
 /// The vehicle on its own flat ground, or in a world.
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
-    let vehicle = *config.vehicle.vehicle();
     let Some(experiment) = &args.world else {
-        let mut params = SimulationParams::new(vehicle);
-        params.seed = args.seed;
+        let truth = TruthSection::named(&args.truth);
+        let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+        let drawn = drawn.map_err(|e| Failure::usage(e.to_string()))?;
+        // `[truth.delays]` has the mean of a uniform latency and half its width; a line its smallest and its width.
+        let half = drawn.delays.pose_jitter.unwrap_or(0.0);
+        let line = ((drawn.delays.pose.unwrap_or(0.008 + half) - half).max(0.0), 2.0 * half);
+        let mut params = SimulationParams::of(&drawn)?;
         if let Some(path) = &args.pushes {
             params.pushes = Pushes::read(path)?;
         }
-        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, (0.008, 0.0));
+        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, line);
     };
     let params = WorldParams {
         experiment: experiment.clone(),
         run: args.world_run.clone(),
         truth: args.world_truth.clone(),
+        level: args.truth.clone(),
+        seed: args.seed,
     };
-    let world = World::start(&params, vehicle)?;
+    let world = World::start(&params, *config.vehicle.vehicle())?;
     let greeting = *world.greeting();
     let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
     let line = (greeting.pose_latency, greeting.pose_jitter);
-    let simulation =
-        Simulation::with_body(world, vehicle, greeting.sensors, FirmwareParams::default(), args.seed);
+    let SimulationParams { plant, firmware, .. } = SimulationParams::new(*config.vehicle.vehicle());
+    let simulation = Simulation::with_body(world, plant, greeting.sensors, firmware, args.seed);
     serve(args, config, simulation, every, line)
 }
 

@@ -2,7 +2,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
-use tilthex_config::{Config, VehicleSection};
+use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_core::{
     Matrix3, Setpoint, Vector3,
     controller::{Controller, ControllerInput, ControllerState},
@@ -47,6 +47,7 @@ fn closed_loop(c: &mut Criterion) {
             start: Start::Air(Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity())),
             pushes: Pushes::default(),
             duration: 1000.0 * PERIOD,
+            truth: TruthSection::default(),
             sensors: SensorParams::EXPERIMENTS,
             seed: 1,
             estimate,

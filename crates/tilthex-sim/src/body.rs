@@ -1,8 +1,8 @@
 //! What the flight board sits on: the body that its rotors move, and what touches it.
 
 use tilthex_core::{
-    RobotState, RotorVector, Vector3, Vehicle, Wrench,
-    plant::{ImuSample, Plant, PlantState},
+    RobotState, RotorVector, Vector3, Wrench,
+    plant::{EffectsState, ImuSample, Plant, PlantState},
 };
 
 use super::{Pushes, ground::Ground};
@@ -73,13 +73,13 @@ pub struct Own {
 }
 
 impl Own {
-    /// It stands on the ground over the origin, rotors still.
+    /// It stands on the ground over the origin, rotors still; `seed` chooses the gusts.
     #[must_use]
-    pub fn new(vehicle: Vehicle, pushes: Pushes) -> Self {
+    pub fn new(plant: Plant, pushes: Pushes, seed: u64) -> Self {
         // Legs that keep the tool off the ground, or at least some way under the body.
-        let leg = (-vehicle.tool().position_r.z).max(0.1) + 0.05;
+        let leg = (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05;
         let mut body = Self {
-            plant: Plant::new(vehicle),
+            plant,
             state: PlantState::new(RobotState::at_rest(Vector3::new(0.0, 0.0, leg)), RotorVector::zeros()),
             ground: Some(Ground { leg }),
             pushes,
@@ -89,15 +89,17 @@ impl Own {
             thrust: RotorVector::repeat(1.0),
         };
         body.settle();
+        body.state.effects = EffectsState::new(plant.effects(), seed);
         body
     }
 
     /// It hovers in a state, far above any ground; pushes count from power-on.
     #[must_use]
-    pub fn airborne(vehicle: Vehicle, pushes: Pushes, state: PlantState) -> Self {
+    pub fn airborne(plant: Plant, pushes: Pushes, state: PlantState, seed: u64) -> Self {
+        let effects = EffectsState::new(plant.effects(), seed);
         Self {
-            plant: Plant::new(vehicle),
-            state,
+            plant,
+            state: PlantState { effects, ..state },
             ground: None,
             pushes,
             external: Wrench::ZERO,

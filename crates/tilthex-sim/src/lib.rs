@@ -20,6 +20,7 @@ pub use tilthex_core::types::Nanos;
 
 use body::Cycle;
 use firmware::Measurements;
+use tilthex_config::TrueVehicle;
 use tilthex_core::{
     Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
     plant::{Plant, SensorParams, Sensors},
@@ -34,9 +35,9 @@ pub const STEP: Micros = 1000;
 /// What is simulated.
 #[derive(Clone, Debug)]
 pub struct SimulationParams {
-    /// The vehicle.
-    pub vehicle: Vehicle,
-    /// Noise and biases of its sensors.
+    /// The vehicle, and what acts on it.
+    pub plant: Plant,
+    /// Noise and errors of its sensors.
     pub sensors: SensorParams,
     /// Its flight board.
     pub firmware: FirmwareParams,
@@ -51,12 +52,23 @@ impl SimulationParams {
     #[must_use]
     pub fn new(vehicle: Vehicle) -> Self {
         Self {
-            vehicle,
+            plant: Plant::new(vehicle),
             sensors: SensorParams::EXPERIMENTS,
             firmware: FirmwareParams::default(),
             pushes: Pushes::default(),
             seed: 1,
         }
+    }
+
+    /// The same of a vehicle as it truly is.
+    ///
+    /// # Errors
+    /// Where an effect is out of its range.
+    pub fn of(drawn: &TrueVehicle) -> Result<Self, SimError> {
+        let plant = drawn.plant().map_err(|e| SimError::refused(e.to_string()))?;
+        let sensors = drawn.sensors(&SensorParams::EXPERIMENTS);
+        let firmware = FirmwareParams { battery: drawn.effects.battery, ..FirmwareParams::default() };
+        Ok(Self { plant, sensors, firmware, seed: drawn.seed, ..Self::new(*plant.vehicle()) })
     }
 }
 
@@ -83,6 +95,7 @@ pub struct Simulation<B = Own> {
     plant: Plant,
     body: B,
     sensors: Sensors,
+    own_sensors: SensorParams,
     firmware: Firmware,
     now: Micros,
 }
@@ -91,8 +104,8 @@ impl Simulation {
     /// A vehicle that stands on the ground over the origin, switched off.
     #[must_use]
     pub fn new(params: SimulationParams) -> Self {
-        let body = Own::new(params.vehicle, params.pushes);
-        Self::with_body(body, params.vehicle, params.sensors, params.firmware, params.seed)
+        let body = Own::new(params.plant, params.pushes, params.seed);
+        Self::with_body(body, params.plant, params.sensors, params.firmware, params.seed)
     }
 
     /// Lets a rotor (from 0) reach only a part of the speed its motor drives it to.
@@ -115,16 +128,17 @@ impl<B: Body> Simulation<B> {
     #[must_use]
     pub fn with_body(
         body: B,
-        vehicle: Vehicle,
+        plant: Plant,
         sensors: SensorParams,
         firmware: FirmwareParams,
         seed: u64,
     ) -> Self {
         Self {
-            plant: Plant::new(vehicle),
+            plant,
             body,
             sensors: Sensors::new(sensors, seed),
-            firmware: Firmware::new(&vehicle, firmware),
+            own_sensors: sensors,
+            firmware: Firmware::new(plant.vehicle(), firmware),
             now: 0,
         }
     }
@@ -146,6 +160,7 @@ impl<B: Body> Simulation<B> {
         let since_start = self.firmware.first_start().map(|start| (self.now - start) as f64 * 1e-6);
         self.body.advance(&Cycle { at, dt, since_start }, &self.firmware.commands());
         let Self { firmware, sensors, plant, body, .. } = self;
+        sensors.pass(plant, body.state(), dt);
         let measure = || Measurements {
             imu: sensors.imu(&body.imu()),
             rotor_speeds: sensors.rotor_speeds(plant, body.state()),
@@ -179,6 +194,12 @@ impl<B: Body> Simulation<B> {
     /// The flight board, to do something to it.
     pub fn firmware_mut(&mut self) -> &mut Firmware {
         &mut self.firmware
+    }
+
+    /// Noise and errors that the sensors have where nothing was done to them.
+    #[must_use]
+    pub fn own_sensors(&self) -> &SensorParams {
+        &self.own_sensors
     }
 
     /// The sensors, to do something to them.
@@ -220,7 +241,7 @@ impl<B: Body> Simulation<B> {
             time: self.now as f64 * 1e-6,
             robot: state.robot,
             rotor_speeds: state.rotor_speeds,
-            tool_position_w: self.plant.tool_pose(state).0,
+            tool_position_w: self.plant.loaded_tool_pose(state, &self.body.tool_wrench_w()).0,
             tool_wrench_w: self.body.tool_wrench_w(),
             external: self.body.external(),
         }

@@ -3,15 +3,16 @@
 
 use crate::{Body, Nanos, Own, Pushes, STEP, body::Cycle};
 use std::collections::VecDeque;
-use tilthex_config::{Config, ConfigError};
+use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
-    Matrix3, PoseSample, Setpoint, Vector3,
+    Matrix3, PoseSample, RobotState, Setpoint, Vector3,
     admittance::centre_of_mass_reference,
     flight::{
         AirborneStart, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured, MotorCommand,
         Route, Telemetry,
     },
     plant::{Plant, PlantState, SensorParams, Sensors},
+    random::Random,
     trajectory::Trajectory,
     types::RotorVector,
     wrench_observer::remove_lever_arm,
@@ -45,13 +46,15 @@ pub struct Scenario<'a> {
     pub pushes: Pushes,
     /// Length, s.
     pub duration: f64,
-    /// Noise and biases of the sensors.
+    /// In what the vehicle differs from the configuration's.
+    pub truth: TruthSection,
+    /// Noise and biases of the sensors, to which the truth adds its own.
     pub sensors: SensorParams,
-    /// Chooses the noise.
+    /// Chooses the noise, and the vehicle where the truth has distributions.
     pub seed: u64,
     /// Whether the flight uses its estimator; otherwise it is given the true pose and twist.
     pub estimate: bool,
-    /// Age of a captured pose when it arrives, s.
+    /// Mean age of a captured pose when it arrives, s, where the truth has none.
     pub pose_delay: f64,
 }
 
@@ -128,6 +131,8 @@ struct World {
     plant: Plant,
     body: Own,
     sensors: Sensors,
+    /// The point that motion capture gives, from the centre of mass, R.
+    captured_r: Vector3,
     estimate: bool,
     capture: Capture,
     flight: Flight,
@@ -142,33 +147,41 @@ struct World {
 impl World {
     fn new(scenario: &Scenario<'_>) -> Result<Self, ConfigError> {
         let params = scenario.config.flight_params(true)?;
-        let (vehicle, pushes) = (params.vehicle, scenario.pushes.clone());
-        let plant = Plant::new(vehicle);
+        let drawn = scenario.truth.draw(&scenario.config.vehicle, scenario.seed)?;
+        let (plant, pushes) = (drawn.plant()?, scenario.pushes.clone());
+        let sensor_params = drawn.sensors(&scenario.sensors);
         let (body, flight, motors, started) = match &scenario.start {
             Start::Air(trajectory) => {
                 let state = at_rest_on(&plant, &trajectory.sample(0.0));
                 let mut flight = Flight::new(params, None)?;
                 flight.begin_in_air(&AirborneStart {
                     time: -PERIOD,
-                    position_w: state.robot.position_w,
+                    position_w: captured(&state.robot, &sensor_params.captured_r).position_w,
                     rotation_wc: state.robot.rotation_wr,
                     trajectory: Some(*trajectory),
                 })?;
                 let turning = MotorCommand::Turn(state.rotor_speeds);
-                (Own::airborne(vehicle, pushes, state), flight, turning, Some(0.0))
+                (Own::airborne(plant, pushes, state, scenario.seed), flight, turning, Some(0.0))
             }
             Start::Ground(route) => {
-                (Own::new(vehicle, pushes), Flight::new(params, *route)?, MotorCommand::Stop, None)
+                let body = Own::new(plant, pushes, scenario.seed);
+                (body, Flight::new(params, *route)?, MotorCommand::Stop, None)
             }
         };
         Ok(Self {
             plant,
             body,
-            sensors: Sensors::new(scenario.sensors, scenario.seed),
+            sensors: Sensors::new(sensor_params, scenario.seed),
+            captured_r: sensor_params.captured_r,
             estimate: scenario.estimate,
-            capture: Capture { delay: scenario.pose_delay, on_the_way: VecDeque::new() },
+            capture: Capture {
+                delay: drawn.delays.pose.unwrap_or(scenario.pose_delay),
+                jitter: drawn.delays.pose_jitter.unwrap_or(0.0),
+                random: Random::new(scenario.seed ^ 0x504F_5345),
+                on_the_way: VecDeque::new(),
+            },
             flight,
-            telemetry: Telemetry::new(vehicle.rotor_count()),
+            telemetry: Telemetry::new(plant.vehicle().rotor_count()),
             commanded: Commanded { motors, ..Commanded::default() },
             time: 0.0,
             started,
@@ -222,7 +235,7 @@ impl World {
             &angular_acceleration_r,
             &mounting.position_r,
         );
-        KnownState { robot, specific_force_r }
+        KnownState { robot: captured(&robot, &self.captured_r), specific_force_r }
     }
 
     /// Moves the body on by a period.
@@ -237,13 +250,15 @@ impl World {
             let dt = STEP as f64 * 1e-6;
             let at = ((self.time + k as f64 * dt) * 1e9) as Nanos;
             self.body.advance(&Cycle { at, dt, since_start }, &speeds);
+            self.sensors.pass(&self.plant, self.body.state(), dt);
         }
     }
 
     fn keep(&self, record: &mut Record) {
         let (state, flown) = (self.body.state(), &self.commanded.record);
         let rotors = self.plant.vehicle().rotor_count();
-        let (tool_position_w, tool_rotation_we) = self.plant.tool_pose(state);
+        let (tool_position_w, tool_rotation_we) =
+            self.plant.loaded_tool_pose(state, &self.body.tool_wrench_w());
         record.put("time", &[flown.input.time]);
         record.put("position", state.robot.position_w.as_slice());
         record.put("velocity", state.robot.velocity_w.as_slice());
@@ -280,15 +295,26 @@ fn at_rest_on(plant: &Plant, setpoint: &Setpoint) -> PlantState {
     state
 }
 
+/// The robot's state with its origin in another point of the airframe.
+fn captured(robot: &RobotState, point_r: &Vector3) -> RobotState {
+    RobotState {
+        position_w: robot.position_w + robot.rotation_wr * point_r,
+        velocity_w: robot.velocity_w + robot.rotation_wr * robot.angular_velocity_r.cross(point_r),
+        ..*robot
+    }
+}
+
 /// Captured poses on their way.
 struct Capture {
     delay: f64,
+    jitter: f64,
+    random: Random,
     on_the_way: VecDeque<PoseSample>,
 }
 
 impl Capture {
     fn take(&mut self, time: f64, position_w: Vector3, rotation_wr: Matrix3) {
-        let arrival = time + self.delay;
+        let arrival = time + (self.delay + self.jitter * (2.0 * self.random.uniform() - 1.0)).max(0.0);
         let pose = PoseSample { time, arrival, position_w, rotation_wr, tracking_valid: true };
         self.on_the_way.push_back(pose);
     }
@@ -312,6 +338,7 @@ mod tests {
             start: Start::Air(Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity())),
             pushes: Pushes::new(vec![push]),
             duration: 12.0,
+            truth: TruthSection::default(),
             sensors: SensorParams::EXPERIMENTS,
             seed,
             estimate,
@@ -342,6 +369,7 @@ mod tests {
                 start: Start::Ground(None),
                 pushes: Pushes::new(vec![push]),
                 duration: 24.0,
+                truth: TruthSection::default(),
                 sensors: SensorParams::EXPERIMENTS,
                 seed: 1,
                 estimate,

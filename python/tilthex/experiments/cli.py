@@ -43,6 +43,15 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--jobs", type=int, default=None, help="processes of a campaign (default: the cores)")
     parser.add_argument(
+        "--vehicle", metavar="NAME", help="fly another vehicle: a preset or a TOML file (default: the file's)"
+    )
+    parser.add_argument(
+        "--truth",
+        metavar="LEVEL",
+        help="how the simulated vehicle differs from the controller's model, drawn anew for each seed: "
+        "exact, measured, cad, outdoors, or a TOML file with a [truth] table",
+    )
+    parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
     )
     parser.add_argument("--video", action="store_true", help="render every run as an animated GIF")
@@ -94,14 +103,15 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def changes(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the command line changes of the file: `--set` and `--seed`."""
+    """What the command line changes of the file: `--set`, `--vehicle`, `--truth` and `--seed`."""
     from tilthex.experiments.spec import merge, read_toml
 
     result: dict[str, Any] = {}
     for item in arguments.set:
         result = merge(result, read_toml(item, f"--set {item} (expected KEY=VALUE as in TOML)"))
-    if arguments.seed is not None:
-        result["seed"] = arguments.seed
+    for key in ("vehicle", "truth", "seed"):
+        if getattr(arguments, key) is not None:
+            result[key] = getattr(arguments, key)
     return result
 
 
@@ -123,7 +133,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         flights.append((one, record))
         checks += judged.checks(one, record)
         record.save(arguments.out / f"{stem}.npz")
-        notes.append(f"{one.name}: {said}" + (f"; {record.ended}" if record.ended else ""))
+        notes.append("; ".join(filter(None, (f"{one.name}: {said}", one.truth_name(), record.ended))))
         if arguments.video:
             from tilthex.experiments.video import render
 
@@ -137,7 +147,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         experiment.about,
         checks,
         figures,
-        experiment.text,
+        "\n".join([experiment.text, *_truths(runs)]),
         _command(),
         notes,
     )
@@ -198,7 +208,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
     page = report.write(
         arguments.out,
         f"{experiment.kind}-random",
-        f"{experiment.title}: {arguments.random} random cases of seed {base.seed}",
+        f"{experiment.title}: {arguments.random} random cases of seed {base.seed}{_level(base)}",
         experiment.about,
         checks,
         {"cases": campaign.figure(found)},
@@ -207,6 +217,16 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
         [campaign.failures(found, _command())],
     )
     return page, checks
+
+
+def _level(run: Run) -> str:
+    return f", each with a vehicle of its own ({run.truth_name().split(',')[0]})" if run.truth_name() else ""
+
+
+def _truths(runs: Sequence[Run]) -> list[str]:
+    """What was drawn for the runs whose vehicle is not its model, each once."""
+    drawn = {run.truth_name(): run for run in runs if run.truth_name()}
+    return [f"# {name}\n{run.drawn().to_toml()}" for name, run in drawn.items()]
 
 
 def _only_peg(experiment: Experiment) -> None:

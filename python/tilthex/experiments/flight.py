@@ -26,8 +26,9 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
         exact: Whether the controller is given the true state in place of the estimator's.
         progress: Called with the number of periods flown since its last call.
     """
-    vehicle = tilthex.Vehicle.preset(run.vehicle)
-    chain = tilthex.Loop(tilthex.Config.default(vehicle).replace(**run.config))
+    chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
+    drawn = run.drawn()
+    vehicle = drawn.vehicle
     plan = make(run)
     start = plan.setpoints[0]
     world = World(
@@ -37,10 +38,11 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
         seed=run.seed,
         tool_position=start.position,
         tool_rotation=start.rotation,
+        drawn=drawn,
     )
     record = Record.blank(len(plan.setpoints), vehicle.rotor_count, plan.phases, run.name)
     rows = record.columns
-    chain.initialize(0.0, world.position, world.rotation)
+    chain.initialize(0.0, world.captured_position, world.rotation)
     push = np.array(run.push.get("force", (0.0, 0.0, 0.0)), dtype=float)
     push_from, push_to = run.push.get("start", 0.0), run.push.get("end", 0.0)
     learn_from, learn_to = run.learn_bias
@@ -56,7 +58,7 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
         if exact:
             command = chain.step_from(
                 now,
-                position=world.position,
+                position=world.captured_position,
                 velocity=world.velocity,
                 rotation=world.rotation,
                 angular_velocity=world.angular_velocity,

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import tilthex
 from tilthex.experiments.scenes import SCENES, Scene
 from tilthex.experiments.world import Noise
 
@@ -37,6 +38,7 @@ FILE_KEYS = {
     "title",
     "about",
     "vehicle",
+    "truth",
     "seed",
     "config",
     "world",
@@ -78,7 +80,10 @@ class Run:
 
     experiment: str
     name: str
-    vehicle: str
+    vehicle: Table
+    """The keys of a `[vehicle]` section: the model that the controller has."""
+    truth: str | Table
+    """In what the simulated vehicle differs: a level, a TOML file, or the keys of a `[truth]` table."""
     seed: int
     config: Table
     world: Table
@@ -93,6 +98,19 @@ class Run:
     """Numbers that the judging of this experiment reads."""
     random: Table
     """Ranges of the random cases of a campaign."""
+
+    def model(self) -> tilthex.Vehicle:
+        """The vehicle that the controller believes in."""
+        return tilthex.Vehicle.from_dict(self.vehicle)
+
+    def drawn(self) -> tilthex.Drawn:
+        """What is true, drawn with the run's seed."""
+        return tilthex.Truth(self.model(), self.truth).draw(self.seed)
+
+    def truth_name(self) -> str:
+        """What the truth is called, with the seed of its draw; empty where the model is exact."""
+        name = tilthex.Truth(self.model(), self.truth).name
+        return "" if name == "exact" else f"truth {name}, drawn with seed {self.seed}"
 
     def scene(self) -> Scene:
         """Builds the world."""
@@ -142,6 +160,7 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
     table = read_toml(text, str(path))
     _check_keys(str(path), table, FILE_KEYS)
     brief = table.pop("short", {}) if short else table.pop("short", {}) and {}
+    folder = path.parent if Path(name).suffix == ".toml" else Path()
     chosen = brief.pop("runs", None)
     runs = table.pop("run", [{"name": table.get("title", path.stem)}])
     kind = table.pop("experiment", path.stem)
@@ -151,7 +170,9 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
         _check_keys(f"{path} [[run]]", run, RUN_KEYS)
         if chosen is not None and run["name"] not in chosen:
             continue
-        whole = merge(merge(merge(table, run), brief), changes or {})
+        whole: Table = {"vehicle": {"preset": "tilt-hex"}}
+        for layer, where in ((table, folder), (run, folder), (brief, folder), (changes or {}, Path())):
+            whole = _merge_layer(whole, layer, where)
         made.append(_run(kind, whole))
     return Experiment(kind, title, about, tuple(made), text)
 
@@ -176,6 +197,40 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Table:
     return result
 
 
+def _merge_layer(base: Table, layer: Mapping[str, Any], folder: Path) -> Table:
+    """`base` with a layer's keys; a vehicle or a truth that the layer names replaces the one below."""
+    layer = dict(layer)
+    if "vehicle" in layer:
+        vehicle = _vehicle_keys(layer["vehicle"], folder)
+        if vehicle.keys() & {"preset", "file"}:
+            base = {key: value for key, value in base.items() if key != "vehicle"}
+        layer["vehicle"] = vehicle
+    if "truth" in layer:
+        truth = layer["truth"]
+        if isinstance(truth, str):
+            layer["truth"] = _place(truth, folder)
+        elif isinstance(base.get("truth"), str):
+            base = base | {"truth": {"level": base["truth"]}}
+    return merge(base, layer)
+
+
+def _vehicle_keys(vehicle: Any, folder: Path) -> Table:
+    """The keys of a `[vehicle]` section: of a table as it is, of a preset's name, or of a TOML file."""
+    if isinstance(vehicle, str):
+        return {"file": _place(vehicle, folder)} if vehicle.endswith(".toml") else {"preset": vehicle}
+    if not isinstance(vehicle, Mapping):
+        raise ValueError(f"vehicle is {vehicle!r}; expected a preset's name, a TOML file or a table of keys")
+    keys = dict(vehicle)
+    if "file" in keys:
+        keys["file"] = _place(str(keys["file"]), folder)
+    return keys
+
+
+def _place(name: str, folder: Path) -> str:
+    """The full path of a TOML file that a file in `folder` names; other names as they are."""
+    return str((folder / name).resolve()) if name.endswith(".toml") else name
+
+
 def _run(kind: str, table: Table) -> Run:
     trajectory = table.get("trajectory", {})
     _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint"})
@@ -196,7 +251,8 @@ def _run(kind: str, table: Table) -> Run:
     return Run(
         experiment=kind,
         name=table["name"],
-        vehicle=table.get("vehicle", "tilt-hex"),
+        vehicle=table["vehicle"],
+        truth=table.get("truth", "exact"),
         seed=table.get("seed", 1),
         config=table.get("config", {}),
         world=table.get("world", {"scene": "free"}),

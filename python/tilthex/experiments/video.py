@@ -7,7 +7,6 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-import tilthex
 from tilthex.experiments.record import Record
 from tilthex.experiments.spec import Run
 from tilthex.experiments.world import PERIOD
@@ -24,7 +23,7 @@ def render(run: Run, record: Record, path: Path, *, size: tuple[int, int] = (480
     """
     from PIL import Image
 
-    vehicle = tilthex.Vehicle.preset(run.vehicle)
+    vehicle = run.drawn().vehicle
     scene = run.scene()
     model = mujoco.MjModel.from_xml_string(to_mjcf(vehicle, scene.elements))
     data = mujoco.MjData(model)

@@ -88,7 +88,7 @@ def route(run: Run) -> Route:
         point if k == 0 else _lasting(point, begins[k] - begins[k - 1] - point.hold)
         for k, point in enumerate(run.waypoints)
     ]
-    vehicle = tilthex.Vehicle.preset(run.vehicle)
+    vehicle = run.model()
     above = stand.start(vehicle) + vehicle.tool_position + np.array([0.0, 0.0, TAKE_OFF])
     home = Waypoint("home", tuple(above.tolist()), (0.0, 0.0, 0.0), 0.0, 0.0, (0.0,) * 6)
     there, back = _over(ways[0]), _over(ways[-1])
@@ -121,7 +121,7 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
         OSError: A program is missing, or ended otherwise than it should; with its own sentence.
     """
     flown = route(run)
-    config = {"vehicle": {"preset": run.vehicle}} | dict(run.config)
+    config = {"vehicle": run.vehicle} | dict(run.config)
     config["mission"] = {"take_off_height": TAKE_OFF} | config.get("mission", {})
     files.config.write_text(toml_text(config), encoding="utf-8")
     # The first is where take-off ends.
@@ -249,6 +249,7 @@ def world_table(run: Run) -> dict[str, Any]:
     return {
         "experiment": run.experiment,
         "vehicle": run.vehicle,
+        "truth": run.truth,
         "seed": run.seed,
         "config": run.config,
         "world": run.world,

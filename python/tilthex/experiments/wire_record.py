@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import tilthex
 from tilthex import log
 from tilthex.experiments.record import COLUMNS, Record
 from tilthex.experiments.spec import Run
@@ -53,7 +52,7 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     record.run = run.name
     record.columns["time"] = time[rows] - begin - arrival
     chain = {name: values[rows] for name, values in _chain(columns).items()}
-    record.take(chain, tilthex.Vehicle.preset(run.vehicle).tool_rotation)
+    record.take(chain, run.model().tool_rotation)
     record.seconds = float(leave - arrival)
     # The run's way-point that each row is on the way to, or stays at.
     on_way = np.searchsorted(begins[route.first :], time[rows] - begin, side="right")

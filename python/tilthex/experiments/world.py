@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from tilthex import GRAVITY, Vehicle
+from tilthex import GRAVITY, Drawn, Effects, Vehicle
 from tilthex.experiments.scenes import Scene
 from tilthex.mjcf import TIMESTEP, to_mjcf
 
@@ -80,8 +80,20 @@ class World:
         tool_position: Vector,
         tool_rotation: Vector,
         feet: Sequence[ET.Element] = (),
+        drawn: Drawn | None = None,
     ) -> None:
-        """The robot at rest with its tool at a pose, rotors at their hover speeds; `feet` are on its body."""
+        """The robot at rest with its tool at a pose, rotors at their hover speeds.
+
+        Args:
+            vehicle: The true vehicle.
+            scene: What surrounds it.
+            noise: Of its sensors.
+            seed: Chooses the noise.
+            tool_position: Where its tool starts, m, W.
+            tool_rotation: Likewise its orientation.
+            feet: Elements of the robot's body.
+            drawn: What else is true of it: effects, errors of the sensors, noise and delays.
+        """
         self.rotation: Vector = tool_rotation @ vehicle.tool_rotation.T
         start = tool_position - self.rotation @ vehicle.tool_position
         xml = to_mjcf(
@@ -95,7 +107,11 @@ class World:
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
         self.vehicle = vehicle
-        self.noise = noise
+        self.noise = noise if drawn is None else replace(noise, **drawn.noise)
+        self._effects = None if drawn is None else drawn.effects()
+        self._errors = None if drawn is None else drawn.sensor_errors()
+        self.captured: Vector = np.zeros(3) if self._errors is None else self._errors.captured
+        """The point that motion capture sees, from the centre of mass, R, m."""
         self.tool_offset = vehicle.tool_position
         self.rotor_speeds: Vector = vehicle.hover_speeds(self.rotation)
         self.push: Vector = np.zeros(3)
@@ -108,7 +124,9 @@ class World:
         self._robot = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "robot")
         self._rod = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "rod")
         self._contact = np.zeros(6)
+        self._turned = np.zeros((3, 3))
         self._draws = np.random.default_rng(seed)
+        noise = self.noise
         self.gyro_bias: Vector = noise.gyro_bias * self._draws.standard_normal(3)
         self.accelerometer_bias: Vector = noise.accelerometer_bias * self._draws.standard_normal(3)
         self._pool = np.zeros((0, 6 + vehicle.rotor_count))
@@ -129,6 +147,11 @@ class World:
     def position(self) -> Vector:
         """True position of the centre of mass, m, W."""
         return np.asarray(self.data.qpos[:3])
+
+    @property
+    def captured_position(self) -> Vector:
+        """True position of the point that motion capture sees, m, W: the model's centre of mass."""
+        return self.position + self.rotation @ self.captured
 
     @property
     def velocity(self) -> Vector:
@@ -153,8 +176,12 @@ class World:
     def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
         """Advances one control period, s, under commanded rotor speeds, Hz."""
         data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()
+        asked = rotor_command
         for _ in range(round(period / TIMESTEP)):
-            self.rotor_speeds += self._lag * (rotor_command - self.rotor_speeds)
+            if self._effects is not None:
+                rotor_command = self._effects.reached(asked)
+            change = self._lag * (rotor_command - self.rotor_speeds)
+            self.rotor_speeds += change
             data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)
             if self.push.any():
                 arm = self.rotation @ self.tool_offset
@@ -162,7 +189,11 @@ class World:
                 data.xfrc_applied[self._robot, 3:] = np.cross(arm, self.push)
             else:
                 data.xfrc_applied[self._robot] = 0.0
+            if self._effects is not None:
+                self._act(self._effects, change / TIMESTEP)
             mujoco.mj_step(self.model, data)
+            if self._errors is not None:
+                self._errors.step(self.rotor_speeds, TIMESTEP)
             sums += data.sensordata[:3]
             force = data.qfrc_constraint[:3]
             peak = max(peak, force @ force)
@@ -178,13 +209,30 @@ class World:
         self._noise = self._pool[self._next_draw]
         self._next_draw += 1
 
+    def _act(self, effects: Effects, accelerations: Vector) -> None:
+        """Adds what the effects do to the airframe now; a time step passes for them."""
+        data = self.data
+        mujoco.mju_quat2Mat(self._turned.reshape(9), data.qpos[3:7])
+        wrench = effects.step(
+            data.qpos[:3],
+            data.qvel[:3],
+            self._turned,
+            data.qvel[3:6],
+            self.rotor_speeds,
+            accelerations,
+            TIMESTEP,
+        )
+        data.xfrc_applied[self._robot, :3] += wrench[:3]
+        data.xfrc_applied[self._robot, 3:] += self._turned @ wrench[3:]
+
     def perfect_accelerometer(self) -> Vector:
         """What one without noise and bias would say, m/s^2, IMU axes."""
         return self._specific_force
 
     def specific_force(self) -> Vector:
         """What the accelerometer says, m/s^2, IMU axes."""
-        return self._specific_force + self.noise.accelerometer * self._noise[:3] + self.accelerometer_bias
+        said = self._felt()[1]
+        return said + self.noise.accelerometer * self._noise[:3] + self.accelerometer_bias
 
     def true_specific_force(self) -> Vector:
         """Specific force at the centre of mass over the period without noise, m/s^2, R."""
@@ -192,12 +240,19 @@ class World:
 
     def gyro(self) -> Vector:
         """What the gyroscope says, rad/s, IMU axes."""
+        return np.asarray(self._felt()[0] + self.noise.gyro * self._noise[3:6] + self.gyro_bias)
+
+    def _felt(self) -> tuple[Vector, Vector]:
+        """What gyroscope and accelerometer without noise say, IMU axes."""
         turned = self.vehicle.imu_rotation.T @ self.angular_velocity
-        return np.asarray(turned + self.noise.gyro * self._noise[3:6] + self.gyro_bias)
+        if self._errors is None:
+            return turned, self._specific_force
+        return self._errors.imu(turned, self._specific_force)
 
     def measured_rotor_speeds(self) -> Vector:
         """What the motor controllers say, Hz."""
-        return self.rotor_speeds + self.noise.rotor_speed * self._noise[6:]
+        speeds = self.rotor_speeds if self._errors is None else self._errors.rotor_speeds()
+        return speeds + self.noise.rotor_speed * self._noise[6:]
 
     def arrived_poses(self) -> list[Pose]:
         """Captures a pose when one is due; those that have arrived by now, each once."""
@@ -206,7 +261,7 @@ class World:
             self._next_capture += noise.pose_period
             turn = Rotation.from_rotvec(noise.orientation * self._draws.standard_normal(3))
             delay = noise.pose_delay + noise.pose_jitter * self._draws.uniform(-1.0, 1.0)
-            place = self.position + noise.position * self._draws.standard_normal(3)
+            place = self.captured_position + noise.position * self._draws.standard_normal(3)
             self._poses.append(Pose(now + delay, now, place, self.rotation @ turn.as_matrix()))
         due = [pose for pose in self._poses if pose.arrival <= now]
         self._poses = [pose for pose in self._poses if pose.arrival > now]

@@ -15,13 +15,13 @@ import os
 import signal
 import struct
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-import tilthex
 from tilthex.experiments import stand
 from tilthex.experiments.record import COLUMNS
 from tilthex.experiments.spec import Run, load
@@ -31,9 +31,9 @@ from tilthex.mjcf import TIMESTEP
 Vector = NDArray[np.float64]
 
 MAX_ROTORS = 12
-MAGIC = b"tilthex1"
+MAGIC = b"tilthex2"
 REQUEST = struct.Struct(f"<Q{MAX_ROTORS}d")
-GREETING = struct.Struct("<8s16d")
+GREETING = struct.Struct("<8s27d")
 STATE = struct.Struct(f"<Q{33 + MAX_ROTORS}d")
 CHUNK = 8192
 """Rows by which the truth grows."""
@@ -81,7 +81,9 @@ class Stepper:
     """An experiment's world with the vehicle on its stand, rotors still, and the records about it."""
 
     def __init__(self, run: Run) -> None:
-        vehicle = tilthex.Vehicle.preset(run.vehicle)
+        self._model = run.model()
+        drawn = run.drawn()
+        vehicle = drawn.vehicle
         place = stand.start(vehicle)
         self.world = World(
             vehicle,
@@ -91,7 +93,9 @@ class Stepper:
             tool_position=place + vehicle.tool_position,
             tool_rotation=vehicle.tool_rotation,
             feet=stand.feet(),
+            drawn=drawn,
         )
+        self._errors = drawn.sensor_errors().constants
         # Motors that stand still are no command of the controller, and below its limits.
         self.world.model.actuator_ctrllimited[:] = 0
         self.world.rotor_speeds[:] = 0.0
@@ -106,14 +110,15 @@ class Stepper:
         return GREETING.pack(
             MAGIC,
             world.vehicle.rotor_count,
-            world.vehicle.mass,
+            self._model.mass,
             noise.position,
             noise.orientation,
             noise.gyro,
             noise.accelerometer,
             noise.rotor_speed,
-            *world.gyro_bias,
-            *world.accelerometer_bias,
+            *(world.gyro_bias + self._errors[:3]),
+            *(world.accelerometer_bias + self._errors[3:6]),
+            *self._errors[6:],
             noise.pose_period,
             noise.pose_delay - noise.pose_jitter,
             2.0 * noise.pose_jitter,
@@ -174,6 +179,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tilthex.experiments.world_process", description=__doc__)
     parser.add_argument("experiment", help="its name or its TOML file")
     parser.add_argument("--run", metavar="NAME", help="which of its runs (default: the first)")
+    parser.add_argument("--level", help="how the vehicle differs from its model: a level or a TOML file")
+    parser.add_argument("--seed", type=int, default=1, help="with --level: chooses the vehicle")
     parser.add_argument("--truth", type=Path, metavar="FILE.npz", help="write the truth of every cycle there")
     arguments = parser.parse_args()
     # An interrupt is for tilthex-sim, which then ends the input.
@@ -182,7 +189,10 @@ def main() -> int:
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
-        stepper = Stepper(choose(arguments.experiment, arguments.run))
+        run = choose(arguments.experiment, arguments.run)
+        if arguments.level is not None:
+            run = replace(run, truth=arguments.level, seed=arguments.seed)
+        stepper = Stepper(run)
     except (ValueError, OSError) as error:
         print(error, file=sys.stderr)
         return 2

@@ -24,7 +24,7 @@ pub use spread::Spread;
 use std::path::Path;
 use tilthex_core::{
     Vector3,
-    plant::{Battery, BodyDrag, Effects, Rod, RotorDrag, SensorParams, Surface, Wind},
+    plant::{Battery, BodyDrag, Effects, Plant, Rod, RotorDrag, SensorParams, Surface, Wind},
     so3,
 };
 use toml::{Table, Value};
@@ -212,6 +212,14 @@ impl TruthSection {
 }
 
 impl TrueVehicle {
+    /// The vehicle and what acts on it.
+    ///
+    /// # Errors
+    /// Never for one that was drawn: its effects are checked.
+    pub fn plant(&self) -> Result<Plant, tilthex_core::Error> {
+        Plant::with_effects(*self.vehicle.vehicle(), self.effects)
+    }
+
     /// The sensors, where a program's own have these parameters: noise that `[truth.sensors]` sets
     /// replaces theirs, its biases and the like add to them, and the captured point stays on the airframe.
     #[must_use]

@@ -60,6 +60,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
+    /// With --sim: how the simulated vehicle differs from the model: exact, measured, cad, outdoors, or a TOML file
+    /// with a [truth] table
+    #[arg(long, value_name = "LEVEL", requires = "sim")]
+    pub truth: Option<String>,
+
+    /// With --sim: chooses the simulated vehicle and its sensors' noise
+    #[arg(long, requires = "sim", default_value_t = 1)]
+    pub seed: u64,
+
     /// Take orders there from `tilthex.connect()`
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
@@ -98,6 +107,10 @@ pub(super) enum Action {
         /// Only faults of these kinds [default: all]
         #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
         faults: Vec<Kind>,
+        /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML
+        /// file with a [truth] table
+        #[arg(long, value_name = "LEVEL", default_value = "exact")]
+        truth: String,
     },
 }
 

@@ -8,7 +8,7 @@ use std::{
 
 use rtrb::{Consumer, RingBuffer};
 use tilthex_config::{
-    Config,
+    Config, TruthSection,
     orders::{self, Orders},
 };
 use tilthex_core::{PoseSample, flight::Command};
@@ -214,7 +214,9 @@ fn simulate(
     mut capture: Capture,
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
-    let mut params = SimulationParams::new(*config.vehicle.vehicle());
+    let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
+    let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+    let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }

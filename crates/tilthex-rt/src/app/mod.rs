@@ -7,7 +7,7 @@ mod status;
 
 pub use args::Args;
 
-use tilthex_config::Config;
+use tilthex_config::{Config, TruthSection};
 use tilthex_sim::campaign::{self, Kind};
 
 use crate::{
@@ -60,18 +60,25 @@ pub fn run() -> Result<(), Failure> {
                 ))),
             }
         }
-        Some(Action::Campaign { number, seed, faults }) => {
+        Some(Action::Campaign { number, seed, faults, truth }) => {
             let every = Kind::ALL.map(|(kind, _)| kind);
             let kinds = if faults.is_empty() { &every[..] } else { faults };
-            fly_campaign(&args.config()?, kinds, *number, *seed)
+            let truth = TruthSection::named(truth).map_err(|e| Failure::usage(e.to_string()))?;
+            fly_campaign(&args.config()?, &truth, kinds, *number, *seed)
         }
     }
 }
 
 /// Many faulty flights and their table; of a single one, its story.
-fn fly_campaign(config: &Config, kinds: &[Kind], number: u64, seed: u64) -> Result<(), Failure> {
+fn fly_campaign(
+    config: &Config,
+    truth: &TruthSection,
+    kinds: &[Kind],
+    number: u64,
+    seed: u64,
+) -> Result<(), Failure> {
     if number == 1 {
-        let (outcome, story) = campaign::again(config, kinds, seed)?;
+        let (outcome, story) = campaign::again(config, truth, kinds, seed)?;
         let mut text = String::new();
         for injection in &outcome.injections {
             text += &format!("{}: {injection:?}\n", injection.kind.text());
@@ -87,7 +94,7 @@ fn fly_campaign(config: &Config, kinds: &[Kind], number: u64, seed: u64) -> Resu
         output::print(&text)?;
         return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
     }
-    let summary = campaign::run(config, kinds, number, seed)?;
+    let summary = campaign::run(config, truth, kinds, number, seed)?;
     let mut text = summary.table();
     let failures = summary.failures();
     for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {

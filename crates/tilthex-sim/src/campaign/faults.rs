@@ -139,7 +139,7 @@ impl Injection {
 
     /// What begins with it in the world.
     pub(super) fn begin(&self, simulation: &mut Simulation, out: &mut Vec<u8>) {
-        let noise = SensorParams::EXPERIMENTS;
+        let noise = *simulation.own_sensors();
         let mut sense = |params| *simulation.sensors_mut() = Sensors::new(params, self.index as u64);
         match self.kind {
             Kind::ImuNoise => {
@@ -147,10 +147,12 @@ impl Injection {
                 sense(SensorParams { gyro: k * noise.gyro, accelerometer: k * noise.accelerometer, ..noise });
             }
             Kind::GyroBias => {
-                sense(SensorParams { gyro_bias_i: 0.2 * self.strength * self.direction(), ..noise });
+                let gyro_bias_i = noise.gyro_bias_i + 0.2 * self.strength * self.direction();
+                sense(SensorParams { gyro_bias_i, ..noise });
             }
             Kind::AccelerometerBias => {
-                sense(SensorParams { accelerometer_bias_i: self.strength * self.direction(), ..noise });
+                let accelerometer_bias_i = noise.accelerometer_bias_i + self.strength * self.direction();
+                sense(SensorParams { accelerometer_bias_i, ..noise });
             }
             Kind::ImuSaturated => sense(SensorParams { gyro_bias_i: 40.0 * self.direction(), ..noise }),
             Kind::CaptureNoise => {
@@ -184,7 +186,8 @@ impl Injection {
                 | Kind::ImuSaturated
                 | Kind::CaptureNoise
         ) {
-            *simulation.sensors_mut() = Sensors::new(SensorParams::EXPERIMENTS, 99);
+            let own = *simulation.own_sensors();
+            *simulation.sensors_mut() = Sensors::new(own, 99);
         }
     }
 

@@ -31,7 +31,7 @@ use judge::Judge;
 use story::Story;
 
 use crate::{SimError, Simulation, SimulationParams};
-use tilthex_config::Config;
+use tilthex_config::{Config, TruthSection, VehicleSection};
 
 /// Faults begin within this time of the hover, s.
 const WINDOW: f64 = 3.0;
@@ -88,7 +88,12 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
 /// # Errors
 /// Where even a flight without faults does not get that far.
 pub fn hover(params: LinkedParams) -> Result<World, SimError> {
-    let mut world = ground(params, 1)?;
+    let simulated = SimulationParams::new(params.flight.vehicle);
+    rise(on_the_ground(params, simulated, 1)?)
+}
+
+/// Lets a flight go on until its mission begins.
+fn rise(mut world: World) -> Result<World, SimError> {
     while !world.linked.flight.on_mission() {
         world.tick(None);
         if world.now() > 30.0 {
@@ -99,28 +104,60 @@ pub fn hover(params: LinkedParams) -> Result<World, SimError> {
     Ok(world)
 }
 
-fn ground(params: LinkedParams, seed: u64) -> Result<World, SimError> {
+fn on_the_ground(params: LinkedParams, simulated: SimulationParams, seed: u64) -> Result<World, SimError> {
     let linked = LinkedFlight::new(params, None).map_err(|e| SimError::refused(e.to_string()))?;
-    let mut simulated = SimulationParams::new(params.flight.vehicle);
-    simulated.seed = seed;
-    Ok(World::new(Simulation::new(simulated), linked, seed))
+    Ok(World::new(Simulation::new(SimulationParams { seed, ..simulated }), linked, seed))
 }
 
-/// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor.
+/// The vehicles of a campaign: one for all flights that is its model, or one drawn for each.
+struct Fleet<'a> {
+    params: LinkedParams,
+    model: &'a VehicleSection,
+    truth: &'a TruthSection,
+}
+
+impl Fleet<'_> {
+    /// Of a set-up.
+    fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
+        let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
+        Ok(Fleet { params, model: &config.vehicle, truth })
+    }
+
+    /// The vehicle of a seed, on the ground.
+    fn ground(&self, seed: u64) -> Result<World, SimError> {
+        let drawn = self.truth.draw(self.model, seed).map_err(|e| SimError::refused(e.to_string()))?;
+        on_the_ground(self.params, SimulationParams::of(&drawn)?, seed)
+    }
+
+    /// The hover that all flights begin with, where their vehicles are one.
+    fn shared(&self) -> Result<Option<World>, SimError> {
+        (*self.truth == TruthSection::default()).then(|| hover(self.params)).transpose()
+    }
+}
+
+/// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor. Where the
+/// truth is not the model, each flight has a vehicle of its own.
 ///
 /// # Errors
 /// Where the set-up can not fly even without faults.
-pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Summary, SimError> {
-    let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
-    let hovering = hover(params)?;
+pub fn run(
+    config: &Config,
+    truth: &TruthSection,
+    kinds: &[Kind],
+    count: u64,
+    first: u64,
+) -> Result<Summary, SimError> {
+    let fleet = Fleet::new(config, truth)?;
+    fleet.ground(first)?;
+    let hovering = fleet.shared()?;
     let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
-    let worker = |hovering: World| {
+    let worker = |hovering: Option<World>| {
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
             if seed >= first + count {
                 return;
             }
-            let outcome = one(params, &hovering, kinds, seed, &mut |_| ());
+            let outcome = one(&fleet, hovering.as_ref(), kinds, seed, &mut |_| ());
             summary.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &outcome);
         }
     };
@@ -138,17 +175,23 @@ pub fn run(config: &Config, kinds: &[Kind], count: u64, first: u64) -> Result<Su
 ///
 /// # Errors
 /// Where the set-up can not fly even without faults.
-pub fn again(config: &Config, kinds: &[Kind], seed: u64) -> Result<(Outcome, String), SimError> {
-    let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
+pub fn again(
+    config: &Config,
+    truth: &TruthSection,
+    kinds: &[Kind],
+    seed: u64,
+) -> Result<(Outcome, String), SimError> {
+    let fleet = Fleet::new(config, truth)?;
+    fleet.ground(seed)?;
     let mut story = Story::default();
-    let outcome = one(params, &hover(params)?, kinds, seed, &mut |world| story.see(world));
+    let outcome = one(&fleet, fleet.shared()?.as_ref(), kinds, seed, &mut |world| story.see(world));
     Ok((outcome, story.text()))
 }
 
 /// The flight of one seed.
 fn one(
-    params: LinkedParams,
-    hovering: &World,
+    fleet: &Fleet<'_>,
+    hovering: Option<&World>,
     kinds: &[Kind],
     seed: u64,
     see: &mut dyn FnMut(&World),
@@ -158,12 +201,18 @@ fn one(
     let window = if whole { WHOLE_WINDOW } else { WINDOW };
     let count = 1 + (random.uniform() < 0.2) as usize;
     let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, kinds, window)).collect();
-    let flown = catch_unwind(AssertUnwindSafe(|| {
-        let world = if whole { ground(params, seed).ok()? } else { hovering.clone() };
-        Some(fly_seen(world, injections.clone(), seed, see))
+    let flown = catch_unwind(AssertUnwindSafe(|| -> Result<Outcome, SimError> {
+        let world = match hovering {
+            Some(shared) if !whole => shared.clone(),
+            _ if whole => fleet.ground(seed)?,
+            _ => rise(fleet.ground(seed)?)?,
+        };
+        Ok(fly_seen(world, injections.clone(), seed, see))
     }));
-    flown
-        .ok()
-        .flatten()
-        .unwrap_or_else(|| Outcome { failure: Some("panicked".into()), ..Outcome::of(injections) })
+    let failed = |why: String| Outcome { failure: Some(why), ..Outcome::of(injections.clone()) };
+    match flown {
+        Ok(Ok(outcome)) => outcome,
+        Ok(Err(refused)) => failed(format!("did not begin: {refused}")),
+        Err(_) => failed("panicked".into()),
+    }
 }

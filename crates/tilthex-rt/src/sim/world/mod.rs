@@ -43,6 +43,10 @@ pub struct WorldParams {
     pub run: Option<String>,
     /// Where the truth is written at the end, as a NumPy archive.
     pub truth: Option<PathBuf>,
+    /// How the vehicle differs from the experiment's: a level, or a TOML file with a `[truth]` table.
+    pub level: String,
+    /// Chooses the vehicle.
+    pub seed: u64,
 }
 
 /// A world that runs. Its process ends when this is dropped.
@@ -70,6 +74,9 @@ impl World {
         }
         if let Some(truth) = &params.truth {
             command.arg("--truth").arg(truth);
+        }
+        if !params.level.is_empty() && params.level != "exact" {
+            command.args(["--level", &params.level, "--seed", &params.seed.to_string()]);
         }
         // Threads of a linear algebra library that spin would take the loop's processor.
         command.env("OPENBLAS_NUM_THREADS", "1").env("OMP_NUM_THREADS", "1");

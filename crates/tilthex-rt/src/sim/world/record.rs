@@ -13,12 +13,12 @@ use tilthex_core::{
 use crate::sleeper::Nanos;
 
 /// What a greeting begins with; its last character is the version of these records.
-const MAGIC: [u8; 8] = *b"tilthex1";
+const MAGIC: [u8; 8] = *b"tilthex2";
 const NUMBER: usize = 8;
 /// Length of a request, bytes.
 pub const REQUEST: usize = NUMBER * (1 + MAX_ROTORS);
 /// Length of a greeting, bytes.
-pub const GREETING: usize = MAGIC.len() + NUMBER * 16;
+pub const GREETING: usize = MAGIC.len() + NUMBER * 27;
 /// Length of a state, bytes.
 pub const STATE: usize = NUMBER * (1 + 33 + MAX_ROTORS);
 
@@ -87,7 +87,11 @@ pub fn greeting(bytes: &[u8; GREETING]) -> Result<Greeting, String> {
             rotor_speed: numbers.next(),
             gyro_bias_i: numbers.vector(),
             accelerometer_bias_i: numbers.vector(),
-            ..SensorParams::IDEAL
+            gyro_scale_i: numbers.vector(),
+            gyro_misalignment_i: numbers.vector(),
+            vibration: numbers.next(),
+            captured_r: numbers.vector(),
+            rotor_speed_age: numbers.next(),
         },
         pose_period: numbers.next(),
         pose_latency: numbers.next(),
@@ -211,7 +215,7 @@ mod tests {
         assert!(state(&spoilt, 7).expect_err("not finite").contains("finite"));
         assert!(greeting(&[b'x'; GREETING]).expect_err("another program").contains("xxxxxxxx"));
         let mut late = [0; GREETING];
-        late[..8].copy_from_slice(b"tilthex1");
+        late[..8].copy_from_slice(b"tilthex2");
         assert!(greeting(&late).is_ok());
         late[GREETING - 8..].copy_from_slice(&11.0_f64.to_le_bytes());
         assert!(greeting(&late).expect_err("poses 11 s late").contains("can not be"));

@@ -13,8 +13,8 @@ fn world(script: &str) -> Result<World, Failure> {
 
 /// A greeting and a first state, as octal escapes of printf.
 fn begins(rotors: f64) -> String {
-    let mut words: Vec<[u8; 8]> = vec![*b"tilthex1", rotors.to_le_bytes(), 2.4_f64.to_le_bytes()];
-    words.extend([[0; 8]; 14]);
+    let mut words: Vec<[u8; 8]> = vec![*b"tilthex2", rotors.to_le_bytes(), 2.4_f64.to_le_bytes()];
+    words.extend([[0; 8]; 25]);
     // Time, position and velocity, then a level body.
     words.extend([[0; 8]; 7]);
     for i in 0..9 {

@@ -1,0 +1,74 @@
+"""What the wrench observer reports where nothing touches a vehicle that is not its model.
+
+    python -m benchmarks.false_contact --seeds 40
+
+Hovers drawn vehicles, with the estimator in the loop and the experiments' noise: level, tilted, and tilted
+after a first level hover whose mean wrench was taken as the bias (`[mission] bias_time`). Prints a table of
+the mean wrench at the tool over the last seconds of each hover: median, 90th percentile and largest of all.
+"""
+
+from __future__ import annotations
+
+import argparse
+
+import numpy as np
+import tilthex
+from numpy.typing import NDArray
+from tilthex import so3
+
+Array = NDArray[np.float64]
+HELD = 14.0
+"""A hover lasts so long, s: the estimator's biases settle in the first half."""
+COUNTED = 4.0
+"""Of its end so much is counted, s."""
+
+
+def tilted(seed: int, degrees: float) -> Array:
+    """A tilt about a horizontal axis of a direction of its own for every seed."""
+    direction = np.random.default_rng(seed).uniform(-np.pi, np.pi)
+    rotation: Array = so3.exp(np.radians(degrees) * np.array([np.cos(direction), np.sin(direction), 0.0]))
+    return rotation
+
+
+def false_contact(
+    vehicle: tilthex.Vehicle, truth: str | dict[str, object], seed: int, degrees: float, start: str
+) -> Array:
+    """Mean observed wrench at the tool, (6,), of the end of a hover."""
+    config = tilthex.Config.default(vehicle)
+    setpoint = tilthex.Setpoint([0.0, 0.0, 1.0], tilted(seed, degrees))
+    duration = HELD + (14.0 if start == "ground" else 0.0)
+    run = tilthex.simulate(config, duration=duration, setpoint=setpoint, seed=seed, truth=truth, start=start)
+    counted = run["time"][:, 0] > duration - COUNTED
+    return np.asarray(run["wrench_tool"][counted].mean(axis=0))
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--vehicle", default="tilt-hex", help="a preset or a TOML file")
+    parser.add_argument("--truth", action="append", help="a level, any number of times")
+    parser.add_argument("--seeds", type=int, default=40)
+    parser.add_argument("--first", type=int, default=1, help="the first seed")
+    arguments = parser.parse_args()
+    vehicle = tilthex.Vehicle.named(arguments.vehicle)
+    print("| truth | hover | force at the tool [N]: median, 90 %, largest | torque [N m]: likewise |")
+    print("|---|---|---|---|")
+    for truth in arguments.truth or ["exact", "measured", "cad"]:
+        for name, degrees, start in (
+            ("level", 0.0, "air"),
+            ("15 deg", 15.0, "air"),
+            ("15 deg after a level hover", 15.0, "ground"),
+        ):
+            seeds = range(arguments.first, arguments.first + arguments.seeds)
+            found = np.array([false_contact(vehicle, truth, seed, degrees, start) for seed in seeds])
+            cells = [truth, name]
+            for part in (found[:, :3], found[:, 3:]):
+                sizes = np.linalg.norm(part, axis=1)
+                cells.append(", ".join(f"{x:.3f}" for x in np.quantile(sizes, [0.5, 0.9, 1.0])))
+            print(f"| {' | '.join(cells)} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
