@@ -1,19 +1,24 @@
 # What a person types. Needs cargo, Python 3.10+ and make, nothing else.
 PYTHON ?= python3
 VENV := .venv
-# Flights of the fault campaign.
+# Flights of the fault campaign, and the seed of the first.
 N ?= 10000
+SEED ?= 1
+# A target without an operating system, for the crates that need none.
+NO_STD_TARGET ?= thumbv7em-none-eabihf
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
-.PHONY: help demo test lint rust-test python-test bench bench-rt campaign clean
+.PHONY: help demo test lint rust-test python-test bench bench-rt campaign results wheel clean
 
 help:
 	@echo "make demo      fly the simulated Tilt-Hex, push its tool, print a summary"
 	@echo "make test      everything: lints, Rust and Python tests, stubs"
 	@echo "make bench     speed, as ratios against NumPy in the same run"
 	@echo "make bench-rt  the loop's timing on this machine"
-	@echo "make campaign  the fault campaign"
+	@echo "make campaign  the fault campaign: N flights, from SEED on"
+	@echo "make results   runs what docs/results shows, and writes it"
+	@echo "make wheel     an installable wheel with both programs, into dist"
 	@echo "make clean     remove what was built"
 
 demo:
@@ -35,6 +40,9 @@ install: $(BIN)/pip
 lint: install
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --locked --quiet -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+	@if [ -d "$$(rustc --print sysroot)/lib/rustlib/$(NO_STD_TARGET)" ]; then $(MAKE) no-std; \
+	else echo "no-std: left out, $(NO_STD_TARGET) is not installed here"; fi
 	ruff check .
 	ruff format --check .
 	mypy
@@ -42,6 +50,32 @@ lint: install
 
 rust-test: proof
 	cargo test --workspace --locked --quiet
+
+# Everything, without tests: what the minimum compiler must take.
+.PHONY: build
+build:
+	cargo build --workspace --locked --quiet
+
+# The crates that fly need no operating system and no allocator.
+.PHONY: no-std
+no-std:
+	cargo build -p tilthex-core -p tilthex-link --target $(NO_STD_TARGET) --locked --quiet
+
+.PHONY: minimum-compiler
+minimum-compiler:
+	@sed -n 's/^rust-version = "\(.*\)"/\1/p' Cargo.toml
+
+# With the oldest versions of all dependencies that Cargo.toml allows; changes Cargo.lock.
+.PHONY: minimal-versions
+minimal-versions:
+	cargo +nightly update -Z direct-minimal-versions
+	cargo build --workspace --quiet
+
+# Licences and known defects of the dependencies.
+.PHONY: deny
+deny:
+	cargo install --locked --quiet cargo-deny
+	cargo deny --all-features check licenses bans sources
 
 # Links only if no step function of the core has a path to a panic.
 .PHONY: proof
@@ -60,7 +94,15 @@ bench-rt:
 	benchmarks/rt.sh
 
 campaign:
-	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- campaign --number $(N)
+	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- campaign --number $(N) --seed $(SEED)
+
+wheel: $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check maturin cargo-zigbuild ziglang auditwheel abi3audit
+	python packaging/wheel.py
+
+results: install
+	cargo build --release --locked --quiet -p tilthex-rt
+	python -m benchmarks.results
 
 clean:
 	cargo clean

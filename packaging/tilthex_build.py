@@ -11,6 +11,7 @@ import json
 import os
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,12 +26,12 @@ DATA = ROOT / "target" / "wheel-data"
 PROGRAMS = ("tilthex-rt", "tilthex-sim")
 
 
-def _build_programs() -> None:
-    """Builds the programs and leaves them, and nothing else, in DATA/scripts."""
+def build_programs(how: Sequence[str] = ("build",)) -> None:
+    """Builds the programs with a cargo command and leaves them, and nothing else, in DATA/scripts."""
     scripts = DATA / "scripts"
     shutil.rmtree(scripts, ignore_errors=True)
     scripts.mkdir(parents=True)
-    command = [os.environ.get("CARGO", "cargo"), "build", "--release", "--bins", "-p", "tilthex-rt"]
+    command = [os.environ.get("CARGO", "cargo"), *how, "--release", "--bins", "-p", "tilthex-rt"]
     command += ["--message-format=json-render-diagnostics"]
     build = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE, text=True)
     for message in map(json.loads, build.stdout.splitlines()):
@@ -57,7 +58,7 @@ def build_wheel(
     directory: str, settings: dict[str, Any] | None = None, metadata_directory: str | None = None
 ) -> str:
     """The wheel: library, stubs and both programs."""
-    _build_programs()
+    build_programs()
     return str(maturin.build_wheel(directory, settings, metadata_directory))
 
 
@@ -65,7 +66,7 @@ def build_editable(
     directory: str, settings: dict[str, Any] | None = None, metadata_directory: str | None = None
 ) -> str:
     """An editable wheel: the Python files stay here, programs and library are built."""
-    _build_programs()
+    build_programs()
     return str(maturin.build_editable(directory, settings, metadata_directory))
 
 

@@ -1,5 +1,8 @@
 //! The sections of what surrounds the controller.
 
+// The comments stand in TOML files too, where brackets are no links.
+#![allow(rustdoc::broken_intra_doc_links)]
+
 use super::section::section;
 
 section! {

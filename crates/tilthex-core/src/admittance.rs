@@ -93,7 +93,7 @@ impl AdmittanceFilter {
     ///
     /// # Errors
     /// Names the matrix that is not finite, symmetric or definite, or the
-    /// limit out of range; a filter too fast for [`MAX_SUB_STEPS`] at 500 Hz is refused.
+    /// limit out of range; a filter too fast for `MAX_SUB_STEPS` at 500 Hz is refused.
     pub fn new(params: AdmittanceParams) -> Result<Self, Error> {
         check_matrix("admittance mass", &params.mass, 1e-9)?;
         check_matrix("admittance damping", &params.damping, 0.0)?;

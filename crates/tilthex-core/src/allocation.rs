@@ -10,7 +10,7 @@ mod levels;
 mod section;
 
 use crate::{
-    Error, GRAVITY, Vehicle,
+    Error, Vehicle,
     error::check_range,
     types::{MAX_ROTORS, RotorVector, Vector6},
     vehicle::{Allocation as Matrix, AllocationInverse, inputs},
@@ -195,13 +195,13 @@ impl Allocator {
             rank: vehicle.rank(),
             rotor_time_constant: vehicle.rotor_time_constant(),
             params,
-            tolerance: SHORTFALL_TOLERANCE * vehicle.mass() * GRAVITY,
+            tolerance: SHORTFALL_TOLERANCE * vehicle.weight(),
             levels: Levels::by_priority(vehicle, &params.order),
         };
         if vehicle.rank() < ROWS {
             allocator.inverse = allocator.ordered_inverse();
         }
-        let weight = Vector6::new(0.0, 0.0, vehicle.mass() * GRAVITY, 0.0, 0.0, 0.0);
+        let weight = Vector6::new(0.0, 0.0, vehicle.weight(), 0.0, 0.0, 0.0);
         allocator.hover = allocator.allocate(&weight).inputs;
         // Where rotors are redundant, stay near hover in the directions that do nothing.
         if allocator.rotor_count > vehicle.rank() {

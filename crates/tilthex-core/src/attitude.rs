@@ -14,7 +14,7 @@ mod cuts;
 mod turn;
 
 use crate::{
-    Error, GRAVITY, Vehicle,
+    Error, Vehicle,
     allocation::{AllocatorState, ForceSection, RotorStatus},
     error::check_range,
     so3,
@@ -159,7 +159,7 @@ impl AttitudeSelector {
             bandwidth: params.bandwidth,
             lag: vehicle.rotor_time_constant(),
         };
-        let weight = vehicle.mass() * GRAVITY;
+        let weight = vehicle.weight();
         let far = 1e3 * weight;
         let farthest = |z: f64| {
             let force = Vector3::new(0.0, 0.0, z);

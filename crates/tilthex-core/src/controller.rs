@@ -182,7 +182,7 @@ impl Controller {
     /// there: bit `i` of `lost` is rotor `i`.
     #[must_use]
     pub fn hovers_without(&self, lost: u16) -> bool {
-        let weight = self.vehicle.mass() * GRAVITY;
+        let weight = self.vehicle.weight();
         let rotors = RotorStatus { lost, ..RotorStatus::default() };
         let possible = |torque: Vector3| {
             let wrench = Wrench { force: Vector3::new(0.0, 0.0, weight), torque }.to_vector();

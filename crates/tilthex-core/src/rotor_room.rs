@@ -8,7 +8,7 @@
 //! filter: bounded, so that with the damping it bounds the rate of the turn.
 
 use crate::{
-    Error, GRAVITY, Vehicle,
+    Error, Vehicle,
     error::check_range,
     types::{MAX_ROTORS, Matrix3, Vector3},
     vehicle::{Actuation, Mounting},
@@ -45,7 +45,7 @@ impl RotorRoom {
                 expected: "0: this vehicle hovers in one attitude, whatever its heading",
             });
         }
-        let mut slope = vehicle.allocation_inverse().fixed_columns::<3>(0) * (vehicle.mass() * GRAVITY);
+        let mut slope = vehicle.allocation_inverse().fixed_columns::<3>(0) * vehicle.weight();
         let mut offset = [0.0; MAX_ROTORS];
         for (i, rotor) in vehicle.rotors().iter().enumerate() {
             let input = |speed: f64| speed * libm::fabs(speed);

@@ -148,6 +148,12 @@ impl Vehicle {
         self.mass
     }
 
+    /// Its weight, N.
+    #[must_use]
+    pub fn weight(&self) -> f64 {
+        self.mass * crate::GRAVITY
+    }
+
     /// Inertia about the centre of mass, kg m^2, robot coordinates.
     #[must_use]
     pub fn inertia(&self) -> &Matrix3 {

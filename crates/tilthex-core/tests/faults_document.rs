@@ -7,25 +7,24 @@ use tilthex_core::supervisor::{Reaction, TABLE};
 const HEAD: &str = "# Faults and reactions
 
 Every fault that the supervisor knows: how it is seen, for how long it must last to count, for how long it
-must be gone to be over, and what is done. This is `supervisor::TABLE`, the table that the code uses; a test
-compares the two.
+must be gone to be over, and what is done. This page is written from `supervisor::TABLE` and `supervisor::limits`, which
+the code uses (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-core --test faults_document`); a test compares the two. The number
+of a fault is its bit in logs.
 
 - **note**: counted and logged; a substitute stands in where one is named.
 - **refuse**: on the ground, the motors do not start, or stop.
-- **hold**: the mission's clock slows to a stop within 0.5 s, and goes on when the fault is over.
+- **hold**: the mission's clock slows to a stop, and goes on when the fault is over.
 - **land**: straight down from the reference, turning level; is not taken back.
-- **descend**: level attitude and a constant rate of descent on IMU and model, without a position; where the speed is not known either
-  (1 m/s), with 85 % of the weight; back to *land* when the position returns.
+- **descend**: level attitude and a constant rate of descent on IMU and model, without a position; where the speed is not
+  known either, with a little less thrust than the weight; back to *land* when the position returns.
 
-Where several faults last, the last-named reaction among theirs holds. Motors stop only when the ground carries the vehicle, or on
-the operator's explicit kill. It does so when, on the way down, the rotors give less than 70 % of the weight to a vehicle that rises or sinks no faster than
-0.3 m/s for 0.2 s, or when 30 % of the weight is felt as an external force for 0.5 s (0.1 s once it has toppled, or
-without a rotor). When the program itself dies, the vehicle's own watchdog takes the rotors to their
-lowest speed 500 ms after the last command (the vehicle falls), and disarms 10 s later: nothing on the base PC can
-mend that, so the process must not die; see the real-time notes in [loop.md](loop.md).
+Where several faults last, the last-named reaction among theirs holds. Motors stop only when the ground carries the
+vehicle (`flight/touchdown.rs` says by what signs), or on the operator's explicit kill. When the program itself dies, the
+vehicle's own watchdog takes the rotors to their lowest speed (the vehicle falls) and disarms later: nothing on the base PC
+can mend that, so the process must not die; see the real-time notes in [loop.md](loop.md).
 
-| fault | seen by | after | over after | on the ground | in flight | remark |
-|---|---|---|---|---|---|---|
+| number | fault | seen by | after | over after | on the ground | in flight | remark |
+|---|---|---|---|---|---|---|---|
 ";
 
 fn name(reaction: Reaction) -> &'static str {
@@ -45,8 +44,8 @@ fn the_document_is_the_table() {
         let (ground, flight) = (name(r.on_ground), name(r.in_flight));
         writeln!(
             text,
-            "| {} | {} | {} s | {} s | {ground} | {flight} | {} |",
-            r.name, r.detection, r.after, r.over, r.remark
+            "| {} | {} | {} | {} s | {} s | {ground} | {flight} | {} |",
+            r.fault as u8, r.name, r.detection, r.after, r.over, r.remark
         )
         .expect("a string takes all");
     }

@@ -4,7 +4,7 @@
 //! The board has a clock of its own, and the loop waits on nothing but the
 //! host's. So the loop looks at the port when it wakes; where the sample is not
 //! there yet it looks again every [`LOOK`], [`MAX_LOOKS`] times at most. A
-//! sample that was there at once lets the next tick come [`CREEP`] earlier; one
+//! sample that was there at once lets the next tick come `CREEP` earlier; one
 //! that was not lets it come one [`LOOK`] later. The tick so follows the
 //! sample at a distance of at most a look, whatever the two clocks do, and one
 //! late sample moves it by no more than that.

@@ -168,7 +168,7 @@ proptest! {
 #[test]
 fn the_lateral_force_is_given_up_first() {
     let allocator = Allocator::new(&tilt_hex());
-    let wanted = Vector6::new(30.0, 0.0, 2.4 * GRAVITY, 0.1, -0.2, 0.05);
+    let wanted = Vector6::new(30.0, 0.0, tilt_hex().weight(), 0.1, -0.2, 0.05);
     let out = allocator.allocate(&wanted);
     assert_eq!(out.given_up, Some(Priority::LateralForce));
     let kept = (out.wrench - wanted).rows(2, 4).amax();

@@ -167,7 +167,7 @@ fn turns_use_half_of_what_a_hover_leaves() {
     let allocator = crate::allocation::Allocator::new(&v);
     let given_up = |alpha: Vector3| {
         let t = v.inertia() * alpha;
-        allocator.allocate(&crate::types::Vector6::new(0.0, 0.0, v.mass() * GRAVITY, t.x, t.y, t.z)).given_up
+        allocator.allocate(&crate::types::Vector6::new(0.0, 0.0, v.weight(), t.x, t.y, t.z)).given_up
     };
     for k in 0..100 {
         let direction = Vector3::new(f64::from(k).cos(), f64::from(k).sin(), 0.0);

@@ -7,7 +7,7 @@
 //! ([`Turned::lead_r`]).
 
 use crate::{
-    GRAVITY, Vehicle,
+    Vehicle,
     allocation::{Allocator, Priority},
     so3,
     types::{Matrix3, Reference, Vector3, Vector6},
@@ -41,7 +41,7 @@ impl TurnLimits {
         let allocator = Allocator::new(vehicle);
         let possible = |acceleration: Vector3| {
             let torque = vehicle.inertia() * acceleration;
-            let weight = vehicle.mass() * GRAVITY;
+            let weight = vehicle.weight();
             let out = allocator.allocate(&Vector6::new(0.0, 0.0, weight, torque.x, torque.y, torque.z));
             matches!(out.given_up, None | Some(Priority::LateralForce))
         };

@@ -1,10 +1,10 @@
 //! From the state to what the rotors are asked, and to the bytes that ask it.
 
-use super::{Flight, guidance::Descent, io::MotorCommand, watch::MAX_VELOCITY_DEVIATION};
+use super::{Flight, guidance::Descent, io::MotorCommand};
 use crate::{
     controller::{ControllerInput, ControllerState},
     so3,
-    supervisor::{Fault, Phase},
+    supervisor::{Fault, Phase, limits::VELOCITY_DEVIATION},
     types::RotorVector,
 };
 
@@ -70,8 +70,7 @@ impl Flight {
 
     fn descent(&self) -> Descent {
         // A NaN is not known either.
-        let known =
-            self.known.is_some() || self.estimator.health().velocity_deviation <= MAX_VELOCITY_DEVIATION;
+        let known = self.known.is_some() || self.estimator.health().velocity_deviation <= VELOCITY_DEVIATION;
         match (known, self.adrift) {
             (false, _) => Descent::Blind,
             (true, true) => Descent::Adrift,

@@ -3,7 +3,10 @@
 use super::io::Route;
 use crate::{
     so3,
-    supervisor::Phase,
+    supervisor::{
+        Phase,
+        limits::{ADRIFT_SPEED, SETPOINT_STALE},
+    },
     trajectory::{Limits, Trajectory, Waypoint},
     types::{Matrix3, RobotState, Setpoint, Vector3, Wrench},
     vehicle::Mounting,
@@ -31,8 +34,6 @@ const SINK_IN: f64 = 1.0;
 
 /// Times of the way back from a detour: to the place, and to the speed, s.
 const WAY_BACK: (f64, f64) = (1.0, 0.5);
-/// Speed of the descent without a rotor that it takes to hover, m/s.
-const ADRIFT_SPEED: f64 = 1.0;
 
 /// Downward acceleration where no speed is known, m/s^2: what may be a climb has to end, and from 1 m it makes 1.7 m/s.
 const BLIND_ACCELERATION: f64 = 1.5;
@@ -159,7 +160,7 @@ impl Guidance {
     /// Whether streamed set-points have stopped.
     #[must_use]
     pub(super) fn stale(&self) -> bool {
-        self.stage == Stage::Follow && self.followed_age > 0.2
+        self.stage == Stage::Follow && self.followed_age > SETPOINT_STALE
     }
 
     /// In the air, at rest on the start of a trajectory, ready for the mission.

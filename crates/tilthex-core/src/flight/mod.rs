@@ -29,7 +29,7 @@ use crate::{
     admittance::AdmittanceState,
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
-    supervisor::{Facts, Fault, Phase, Supervisor},
+    supervisor::{Facts, Fault, Phase, Supervisor, limits::IMU_LATE},
     types::{RotorVector, Setpoint},
 };
 use guidance::Guidance;
@@ -55,8 +55,6 @@ pub struct FlightParams {
     pub take_off: bool,
 }
 
-/// Without inertial samples for longer than this the model stands in, s.
-const IMU_LATE: f64 = 6e-3;
 /// Periods longer than this are cut for the laws' integrators, s.
 const LONGEST_STEP: f64 = 0.1;
 
@@ -85,6 +83,8 @@ pub struct Flight {
     land: bool,
     kill: bool,
     setpoint_refused: bool,
+    /// A queued route was refused at the end of the last tick.
+    route_refused: bool,
     not_finite: bool,
     time: Option<f64>,
     tick: u64,
@@ -129,6 +129,7 @@ impl Flight {
             land: false,
             kill: false,
             setpoint_refused: false,
+            route_refused: false,
             not_finite: false,
             time: None,
             tick: 0,
@@ -239,7 +240,8 @@ impl Flight {
             dt,
         );
         conditions.insert_if(Fault::Operator, self.land || input.host.land);
-        conditions.insert_if(Fault::SetpointJump, self.setpoint_refused);
+        let refused = core::mem::take(&mut self.route_refused) || self.setpoint_refused;
+        conditions.insert_if(Fault::SetpointJump, refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
         conditions.insert_if(Fault::NotFinite, self.not_finite);
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
@@ -267,7 +269,7 @@ impl Flight {
         }
         let waiting = self.guidance.ready() && phase == Phase::Flying;
         if let Some(route) = self.route.take_if(|_| waiting) {
-            self.setpoint_refused = !self.guidance.play(&route);
+            self.route_refused = !self.guidance.play(&route);
         }
     }
 
@@ -321,7 +323,7 @@ impl Flight {
         let robot = self.robot_state();
         let bias_w = robot.rotation_wr * self.control.bias_r.force;
         let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
-        let weight = self.params.vehicle.mass() * crate::GRAVITY;
+        let weight = self.params.vehicle.weight();
         let seen = touchdown::Seen {
             missing: weight - (thrust_w + bias_w).z,
             observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)

@@ -6,20 +6,13 @@ use crate::{
     Vehicle,
     filters::lag_fraction,
     plant::ImuSample,
+    supervisor::limits::{MOTORS_FRESH, STOPPED, VEHICLE_WATCHDOG, WRONG_SPEED},
     types::{RobotState, RotorVector, Vector3, Wrench},
 };
 use libm::fabs;
 
-/// Measurements older than this are a fault, s.
-pub(super) const STALE: f64 = 0.1;
-/// Those older than this, about a rotor's time constant, are replaced by the model: they tell less than it does, s.
-const FRESH: f64 = 0.03;
-/// A motor this far from the model does not follow, Hz.
-const WRONG_SPEED: f64 = 12.0;
-/// Slower than this part of the model, where that is fast enough to tell (Hz), a motor has stopped.
-const STOPPED: (f64, f64) = (0.5, 10.0);
-/// So long after the last command the vehicle takes its rotors to their lowest speeds, s (tk3.md).
-const WATCHDOG: f64 = 0.5;
+/// The model tells whether a motor has stopped where it is faster than this, Hz.
+const TELLS: f64 = 10.0;
 /// How fast a motor's gain is learnt, 1/s, and the least that is made up for.
 const GAIN: (f64, f64) = (10.0, 0.5);
 
@@ -71,7 +64,7 @@ impl RotorModel {
             (self.reached, self.unreached) = (*command, 0.0);
         } else {
             self.unreached += dt;
-            if self.unreached > WATCHDOG {
+            if self.unreached > VEHICLE_WATCHDOG {
                 self.reached = self.reached.inf(&self.lowest);
             }
         }
@@ -84,18 +77,17 @@ impl RotorModel {
     }
 
     fn is_measured(&self, motor: &Motor, now: f64) -> bool {
-        !self.garbled && now - motor.heard <= FRESH
+        !self.garbled && now - motor.heard <= MOTORS_FRESH
     }
 
     /// Learns by how much motors turn too slowly, from a fault of theirs on.
     pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, at_fault: bool, dt: f64) {
         let (rate, least) = GAIN;
-        let (_, fast) = STOPPED;
         if !at_fault || self.garbled || 2 * self.wrong_speeds(motors, now) >= motors.len() {
             return;
         }
         for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
-            if now - motor.heard <= FRESH && fabs(*expected) > fast {
+            if now - motor.heard <= MOTORS_FRESH && fabs(*expected) > TELLS {
                 *gain += (motor.speed / expected - *gain) * lag_fraction(rate, dt);
                 *gain = gain.max(least).min(1.0);
             }
@@ -130,9 +122,8 @@ impl RotorModel {
     /// the commands that do not arrive.
     #[must_use]
     pub(super) fn stopped(&self, motors: &[Motor], now: f64) -> u16 {
-        let (part, fast) = STOPPED;
         let stopped = self.where_measured(motors, now, |speed, expected| {
-            fabs(expected) > fast && fabs(speed) < part * fabs(expected)
+            fabs(expected) > TELLS && fabs(speed) < STOPPED * fabs(expected)
         });
         if 2 * stopped.count_ones() as usize >= motors.len() { 0 } else { stopped }
     }

@@ -1,7 +1,7 @@
 //! From samples and poses to the state that the laws use.
 
 use super::{
-    Flight, IMU_LATE,
+    Flight,
     io::{MAX_POSES, Measured},
     rotors::modelled_imu,
 };
@@ -9,7 +9,7 @@ use crate::{
     admittance::AdmittanceState,
     estimator::Quality,
     so3,
-    supervisor::Fault,
+    supervisor::{Fault, limits::IMU_LATE},
     types::{RobotState, RotorVector, Vector3},
 };
 

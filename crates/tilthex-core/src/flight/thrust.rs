@@ -2,18 +2,17 @@
 //! external wrench that takes away what it should give.
 
 use crate::{
-    GRAVITY, Vehicle,
+    Vehicle,
+    supervisor::limits::{THRUST_AFTER, THRUST_MISSING},
     types::{RotorVector, Vector6, Wrench},
 };
 
 /// Share of its wrench that a rotor without thrust lacks: less is a weak rotor, and more is something else.
-const MISSING: core::ops::RangeInclusive<f64> = 0.6..=1.3;
+const MISSING: core::ops::RangeInclusive<f64> = THRUST_MISSING..=1.3;
 /// What a single rotor does not explain, as a part of the external wrench.
 const UNEXPLAINED: f64 = 0.35;
 /// External wrenches below this part of the weight say nothing.
 const LEAST: f64 = 0.05;
-/// The same rotor is suspected for so long, s.
-const AFTER: f64 = 0.06;
 
 /// The rotor that explains the external wrench, and those that did for long enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,7 +43,7 @@ impl ThrustWatch {
         let suspect = suspect(vehicle, self.arm, speeds, external_r).filter(|i| self.lost >> i & 1 == 0);
         self.since = if suspect.is_some() && suspect == self.suspect { self.since + dt } else { 0.0 };
         self.suspect = suspect;
-        if let Some(rotor) = suspect.filter(|_| self.since > AFTER) {
+        if let Some(rotor) = suspect.filter(|_| self.since > THRUST_AFTER) {
             self.lost |= 1 << rotor;
         }
         self.lost
@@ -56,7 +55,7 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
     let scaled = |w: &Vector6| Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm);
     let found = scaled(&external_r.to_vector());
     let size = found.norm();
-    if size < LEAST * vehicle.mass() * GRAVITY {
+    if size < LEAST * vehicle.weight() {
         return None;
     }
     let columns = vehicle.allocation().as_slice().chunks_exact(6).zip(speeds.iter());

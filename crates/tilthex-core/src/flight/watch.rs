@@ -5,7 +5,7 @@ use crate::{
     controller::ControllerOutput,
     estimator::{Estimator, Health},
     so3,
-    supervisor::{Fault, FaultSet, Phase},
+    supervisor::{Fault, FaultSet, Phase, limits as l},
     types::RobotState,
 };
 
@@ -57,13 +57,6 @@ pub(super) struct Seen<'a> {
     /// What only the host can see.
     pub(super) host: HostFacts,
 }
-
-/// Mean normalised innovation squared above which model and measurement disagree; 1 is agreement.
-const MAX_INCONSISTENCY: f64 = 4.0;
-/// Deviation of the position above which it is given up, m.
-const MAX_POSITION_DEVIATION: f64 = 0.5;
-/// Velocity deviation above which speed is not known, m/s.
-pub(super) const MAX_VELOCITY_DEVIATION: f64 = 1.0;
 
 /// Poses by what became of them.
 #[derive(Clone, Copy, Debug, Default)]
@@ -130,8 +123,8 @@ impl Watch {
         self.motors(seen, dt, &mut set);
         self.estimate(seen, &mut set);
         self.motion(seen, &mut set);
-        set.insert_if(Fault::Overrun, seen.period > 0.010);
-        set.insert_if(Fault::OverrunLong, seen.period > 0.100);
+        set.insert_if(Fault::Overrun, seen.period > l::OVERRUN);
+        set.insert_if(Fault::OverrunLong, seen.period > l::OVERRUN_LONG);
         set.insert_if(Fault::LogLost, seen.host.log_lost);
         set
     }
@@ -140,20 +133,20 @@ impl Watch {
         let s = seen.telemetry;
         let known = s.link.identified;
         let age = s.inertial.age(seen.now);
-        set.insert_if(Fault::ImuLate, known && age > 0.006);
-        set.insert_if(Fault::ImuSilent, known && age > 0.050);
+        set.insert_if(Fault::ImuLate, known && age > l::IMU_LATE);
+        set.insert_if(Fault::ImuSilent, known && age > l::IMU_SILENT);
         set.insert_if(Fault::ImuFrozen, s.inertial.frozen);
         set.insert_if(Fault::ImuSaturated, s.inertial.saturated);
         set.insert_if(Fault::ImuOutOfRange, s.inertial.refused_now);
         set.insert_if(Fault::Reboot, s.link.rebooted);
-        let silent = known && s.silence(seen.now) > 1.0;
+        let silent = known && s.silence(seen.now) > l::LINK_SILENT;
         set.insert_if(Fault::LinkLost, seen.host.link_lost || silent);
-        // A leaky count: a tenth of the frames refused keeps it full.
+        // A leaky count: this share of the frames refused keeps it full.
         let c = &s.link;
         let bad = c.refused_frames.wrapping_sub(self.refused);
         let good = c.messages.wrapping_sub(self.messages);
         (self.refused, self.messages) = (c.refused_frames, c.messages);
-        self.garbage = (self.garbage + f64::from(bad) - 0.1 * f64::from(good) - dt).clamp(0.0, 40.0);
+        self.garbage = (self.garbage + f64::from(bad) - l::GARBAGE * f64::from(good) - dt).clamp(0.0, 40.0);
         set.insert_if(Fault::LinkGarbage, self.garbage > 20.0);
         let p = &self.params;
         let below = |limit: f64| s.battery.is_some_and(|v| v < limit);
@@ -166,8 +159,8 @@ impl Watch {
         let running = seen.phase == Phase::Grounded || seen.phase.in_flight();
         let age = s.motor_age(seen.now);
         let known = s.link.identified;
-        set.insert_if(Fault::MotorsStale, known && age > super::rotors::STALE);
-        set.insert_if(Fault::MotorsSilent, known && age > 1.0);
+        set.insert_if(Fault::MotorsStale, known && age > l::MOTORS_STALE);
+        set.insert_if(Fault::MotorsSilent, known && age > l::MOTORS_SILENT);
         // Before the start the bit is cleared by the start command itself.
         set.insert_if(Fault::MotorEmergency, running && s.motors().iter().any(|m| m.emergency));
         set.insert_if(Fault::MotorNotSpinning, running && (!s.all_spinning() || seen.stopped != 0));
@@ -191,15 +184,15 @@ impl Watch {
         self.refused_in_a_row = self.refused_in_a_row.saturating_add(refused);
         self.poses = poses;
         let age = health.position_age;
-        set.insert_if(Fault::PoseLate, age > 0.05);
-        set.insert_if(Fault::PoseLost, age > 0.1);
-        set.insert_if(Fault::PoseLostLong, age > 0.5);
-        set.insert_if(Fault::PoseLostForGood, age > 2.0);
-        set.insert_if(Fault::PoseJumping, self.refused_in_a_row >= 5);
-        set.insert_if(Fault::EstimateInconsistent, health.nis_mean > MAX_INCONSISTENCY);
+        set.insert_if(Fault::PoseLate, age > l::POSE_LATE);
+        set.insert_if(Fault::PoseLost, age > l::POSE_LOST);
+        set.insert_if(Fault::PoseLostLong, age > l::POSE_LOST_LONG);
+        set.insert_if(Fault::PoseLostForGood, age > l::POSE_LOST_FOR_GOOD);
+        set.insert_if(Fault::PoseJumping, self.refused_in_a_row >= l::POSES_REFUSED);
+        set.insert_if(Fault::EstimateInconsistent, health.nis_mean > l::INCONSISTENCY);
         // A NaN is uncertain too.
-        let certain = health.position_deviation <= MAX_POSITION_DEVIATION
-            && health.velocity_deviation <= MAX_VELOCITY_DEVIATION;
+        let certain = health.position_deviation <= l::POSITION_DEVIATION
+            && health.velocity_deviation <= l::VELOCITY_DEVIATION;
         set.insert_if(Fault::EstimateUncertain, !certain);
     }
 

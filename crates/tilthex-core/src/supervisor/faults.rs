@@ -1,6 +1,9 @@
 //! The table of every fault: how it is seen, after what time, what is done.
 //!
-//! `docs/faults.md` is this table; a test compares the two.
+//! `docs/faults.md` is written from this table and from [`super::limits`]; a test compares the two.
+
+use super::limits as l;
+use core::fmt;
 
 /// What is done about a fault, mildest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -17,50 +20,81 @@ pub enum Reaction {
     Descend,
 }
 
-/// A fault. The discriminant is its bit in a [`FaultSet`] and its index in [`TABLE`].
+/// A fault. Its number is its bit in a [`FaultSet`], its index in [`TABLE`] and its number in logs:
+/// new faults come at the end, and a number is never used again.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 #[allow(missing_docs)] // each is described by its row of the table
 pub enum Fault {
-    ImuLate,
-    ImuSilent,
-    ImuFrozen,
-    ImuSaturated,
-    ImuOutOfRange,
-    MotorsStale,
-    MotorsSilent,
-    MotorEmergency,
-    MotorNotSpinning,
-    MotorWrongSpeed,
-    CommandNotFollowed,
-    ThrustLost,
-    RotorLost,
-    BatteryLow,
-    BatteryCritical,
-    PoseLate,
-    PoseLost,
-    PoseLostLong,
-    PoseLostForGood,
-    PoseJumping,
-    EstimateInconsistent,
-    EstimateUncertain,
-    TrackingError,
-    Tilt,
-    Speed,
-    Excursion,
-    WrenchLimit,
-    SetpointStale,
-    SetpointJump,
-    SetpointInfeasible,
-    Overrun,
-    OverrunLong,
-    LinkGarbage,
-    Reboot,
-    LinkLost,
-    LogLost,
-    NotFinite,
-    StartTimeout,
-    Operator,
+    ImuLate = 0,
+    ImuSilent = 1,
+    ImuFrozen = 2,
+    ImuSaturated = 3,
+    ImuOutOfRange = 4,
+    MotorsStale = 5,
+    MotorsSilent = 6,
+    MotorEmergency = 7,
+    MotorNotSpinning = 8,
+    MotorWrongSpeed = 9,
+    CommandNotFollowed = 10,
+    ThrustLost = 11,
+    RotorLost = 12,
+    BatteryLow = 13,
+    BatteryCritical = 14,
+    PoseLate = 15,
+    PoseLost = 16,
+    PoseLostLong = 17,
+    PoseLostForGood = 18,
+    PoseJumping = 19,
+    EstimateInconsistent = 20,
+    EstimateUncertain = 21,
+    TrackingError = 22,
+    Tilt = 23,
+    Speed = 24,
+    Excursion = 25,
+    WrenchLimit = 26,
+    SetpointStale = 27,
+    SetpointJump = 28,
+    SetpointInfeasible = 29,
+    Overrun = 30,
+    OverrunLong = 31,
+    LinkGarbage = 32,
+    Reboot = 33,
+    LinkLost = 34,
+    LogLost = 35,
+    NotFinite = 36,
+    StartTimeout = 37,
+    Operator = 38,
+}
+
+/// A sentence with numbers in it: each `{}` of the text stands for the next number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sentence {
+    text: &'static str,
+    numbers: &'static [f64],
+}
+
+impl Sentence {
+    /// Whether it says nothing.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.text.is_empty()
+    }
+}
+
+impl fmt::Display for Sentence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut numbers = self.numbers.iter();
+        for (i, part) in self.text.split("{}").enumerate() {
+            if i > 0 {
+                // Rounded to what a person reads: 0.006 s in milliseconds is 6, not 6.000000000000001.
+                let number = numbers.next().copied().unwrap_or(f64::NAN);
+                write!(f, "{}", libm::rint(number * 1e6) / 1e6)?;
+            }
+            f.write_str(part)?;
+        }
+        Ok(())
+    }
 }
 
 /// One row of the table.
@@ -71,7 +105,7 @@ pub struct Row {
     /// Its name in logs and messages.
     pub name: &'static str,
     /// How it is seen.
-    pub detection: &'static str,
+    pub detection: Sentence,
     /// For how long the condition must hold, s.
     pub after: f64,
     /// For how long it must be gone to count as over, s.
@@ -81,7 +115,7 @@ pub struct Row {
     /// What is done in flight.
     pub in_flight: Reaction,
     /// What stands in meanwhile, and how it is mended.
-    pub remark: &'static str,
+    pub remark: Sentence,
 }
 
 use Reaction::{Descend, Hold, Land, Note, Refuse};
@@ -89,10 +123,10 @@ use Reaction::{Descend, Hold, Land, Note, Refuse};
 const fn row(
     fault: Fault,
     name: &'static str,
-    detection: &'static str,
+    detection: Sentence,
     times: (f64, f64),
     reactions: (Reaction, Reaction),
-    remark: &'static str,
+    remark: Sentence,
 ) -> Row {
     Row {
         fault,
@@ -106,51 +140,56 @@ const fn row(
     }
 }
 
+/// A sentence of a text and its numbers.
+const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
+    Sentence { text, numbers }
+}
+
 /// Number of faults.
 pub const COUNT: usize = 39;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
 pub const TABLE: [Row; COUNT] = [
-    row(Fault::ImuLate, "IMU late", "no inertial sample for 6 ms", (0.0, 0.1), (Note, Note), "the model predicts until the next sample"),
-    row(Fault::ImuSilent, "IMU silent", "no inertial sample for 50 ms", (0.0, 0.5), (Refuse, Land), "the model stands in for the IMU; the stream is asked for again every 500 ms"),
-    row(Fault::ImuFrozen, "IMU frozen", "25 inertial samples alike to the bit", (0.0, 0.5), (Refuse, Land), "the model stands in for the IMU"),
-    row(Fault::ImuSaturated, "IMU saturated", "a reading at the end of its range", (0.05, 0.5), (Refuse, Land), "the sample is dropped and the model stands in; short shocks pass"),
-    row(Fault::ImuOutOfRange, "IMU out of range", "a sample refused for its range or its jump from the last", (0.0, 0.1), (Note, Note), "the sample is dropped; many of them are an IMU that is silent"),
-    row(Fault::MotorsStale, "motor data stale", "a motor's measurement older than 100 ms", (0.0, 0.5), (Note, Note), "the commanded speed through the rotor's lag stands in, as it does from 30 ms on"),
-    row(Fault::MotorsSilent, "motor data silent", "a motor's measurement older than 1 s", (0.0, 0.5), (Refuse, Land), "as before; the stream is asked for again every 500 ms"),
-    row(Fault::MotorEmergency, "motor emergency", "the emergency bit of a motor", (0.0, 0.5), (Refuse, Land), "the motor counts as lost"),
-    row(Fault::MotorNotSpinning, "motor not spinning", "the spinning bit of a motor is off after the start, or it turns at less than half the lagged command", (0.02, 0.5), (Refuse, Land), "the motor counts as lost"),
-    row(Fault::MotorWrongSpeed, "motor at a wrong speed", "a motor 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "it is driven faster by what is missing"),
-    row(Fault::CommandNotFollowed, "command not followed", "half of the motors 12 Hz off the lagged command", (0.1, 0.5), (Refuse, Land), "the vehicle's own watchdog holds its lowest speed when commands stop reaching it"),
-    row(Fault::ThrustLost, "thrust lost", "the external wrench takes away 60 % or more of what one rotor gives, for 60 ms", (0.0, 0.5), (Refuse, Land), "the motor counts as lost: its propeller is"),
-    row(Fault::RotorLost, "rotor lost", "a lost motor without which the vehicle can not hover at rest", (0.0, 0.5), (Refuse, Descend), "yaw is given up; down at 1 m/s, before the spin that follows takes the rest; once it has toppled, or spins past the gyro's range, rotors at their lowest speeds"),
-    row(Fault::BatteryLow, "battery low", "battery below the configured voltage", (1.0, 5.0), (Refuse, Land), "change the battery"),
-    row(Fault::BatteryCritical, "battery critical", "battery below the configured critical voltage", (0.2, 5.0), (Refuse, Land), "change the battery"),
-    row(Fault::PoseLate, "pose late", "newest pose older than 50 ms", (0.0, 0.2), (Note, Note), "the estimator goes on with the IMU"),
-    row(Fault::PoseLost, "pose lost", "no usable pose for 0.1 s", (0.0, 0.2), (Refuse, Hold), "the estimator goes on with the IMU"),
-    row(Fault::PoseLostLong, "pose lost for long", "no usable pose for 0.5 s", (0.0, 0.5), (Refuse, Land), "lands on IMU and model, on the pose when it returns"),
-    row(Fault::PoseLostForGood, "pose lost for good", "no usable pose for 2 s", (0.0, 0.5), (Refuse, Descend), "horizontal position is given up"),
-    row(Fault::PoseJumping, "pose jumping", "5 poses in a row refused by the gate", (0.0, 0.2), (Refuse, Hold), "refused poses do not count as poses"),
-    row(Fault::EstimateInconsistent, "estimate inconsistent", "innovations larger than their covariance explains", (0.3, 0.5), (Refuse, Land), "check the noise and the mounting in the configuration"),
-    row(Fault::EstimateUncertain, "estimate uncertain", "a deviation above 0.5 m of the position, or 1 m/s of the velocity, in the covariance", (0.05, 0.5), (Refuse, Descend), "horizontal position is given up"),
-    row(Fault::TrackingError, "tracking error", "position or rotation error above its limit", (0.3, 0.5), (Note, Land), "a landing goes on from where the vehicle is; check mass, thrust coefficients and limits"),
-    row(Fault::Tilt, "tilt", "tilt above its limit", (0.1, 0.5), (Refuse, Land), "while the IMU is silent or the rotors at their limits: lowest speeds, for thrust would only carry it away"),
-    row(Fault::Speed, "speed", "speed above its limit", (0.1, 0.5), (Refuse, Land), ""),
-    row(Fault::Excursion, "excursion", "the admittance filter at its excursion limit", (0.5, 0.2), (Note, Hold), "the tool is held back or pushed too far"),
-    row(Fault::WrenchLimit, "external wrench", "estimated tool force or torque above its limit", (0.1, 0.5), (Note, Hold), ""),
-    row(Fault::SetpointStale, "set-point stale", "a streamed set-point older than 0.2 s", (0.0, 0.0), (Note, Hold), "the last one is held"),
-    row(Fault::SetpointJump, "set-point refused", "a set-point that is not finite, or jumps", (0.0, 0.2), (Note, Hold), "the last good one is held"),
-    row(Fault::SetpointInfeasible, "set-point infeasible", "rotors at their limits", (0.5, 0.5), (Note, Hold), "slow the trajectory or tilt less"),
-    row(Fault::Overrun, "loop overrun", "a period longer than 10 ms", (0.0, 0.1), (Note, Note), "whole periods are skipped; the measured time enters the laws"),
-    row(Fault::OverrunLong, "long loop overrun", "a period longer than 100 ms", (0.0, 1.0), (Note, Hold), "the vehicle's watchdog took the rotors to their lowest speed after 500 ms"),
-    row(Fault::LinkGarbage, "link garbage", "a tenth of the frames refused", (0.2, 0.5), (Refuse, Hold), "the model stands in for the motors; check cable, adapter and speed of the line"),
-    row(Fault::Reboot, "reboot", "the board announces itself, or its streams begin again", (0.0, 1.0), (Refuse, Land), "rates are asked for and motors started again"),
-    row(Fault::LinkLost, "link lost", "the port is gone, or silent for 1 s", (0.0, 1.0), (Refuse, Descend), "nothing reaches the vehicle; its watchdog holds the lowest speed after 500 ms and disarms 10 s later"),
-    row(Fault::LogLost, "log lost", "the recorder reports that it can not write", (0.0, 1.0), (Note, Note), "the flight goes on without a log"),
-    row(Fault::NotFinite, "not finite", "a controller output that is not a finite number", (0.0, 0.5), (Refuse, Land), "the last good command is sent again"),
-    row(Fault::StartTimeout, "start timeout", "a motor does not spin 30 s after the first start command", (0.0, 0.0), (Refuse, Note), "see the vehicle's own messages"),
-    row(Fault::Operator, "operator", "SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", (0.0, 0.0), (Refuse, Land), ""),
+    row(Fault::ImuLate, "IMU late", s("no inertial sample for {} ms", &[1e3 * l::IMU_LATE]), (0.0, 0.1), (Note, Note), s("the model predicts until the next sample", &[])),
+    row(Fault::ImuSilent, "IMU silent", s("no inertial sample for {} ms", &[1e3 * l::IMU_SILENT]), (0.0, 0.5), (Refuse, Land), s("the model stands in for the IMU; the stream is asked for again every {} ms", &[1e3 * l::STREAM_SILENT])),
+    row(Fault::ImuFrozen, "IMU frozen", s("{} inertial samples that are equal to the bit", &[l::IMU_FROZEN as f64]), (0.0, 0.5), (Refuse, Land), s("the model stands in for the IMU", &[])),
+    row(Fault::ImuSaturated, "IMU saturated", s("a reading at the end of its range", &[]), (0.05, 0.5), (Refuse, Land), s("the sample is dropped and the model stands in; short shocks pass", &[])),
+    row(Fault::ImuOutOfRange, "IMU out of range", s("a sample refused for its range or its jump from the last", &[]), (0.0, 0.1), (Note, Note), s("the sample is dropped; many of them are an IMU that is silent", &[])),
+    row(Fault::MotorsStale, "motor data stale", s("a motor's measurement older than {} ms", &[1e3 * l::MOTORS_STALE]), (0.0, 0.5), (Note, Note), s("the commanded speed through the rotor's lag stands in, as it does from {} ms on", &[1e3 * l::MOTORS_FRESH])),
+    row(Fault::MotorsSilent, "motor data silent", s("a motor's measurement older than {} s", &[l::MOTORS_SILENT]), (0.0, 0.5), (Refuse, Land), s("as before; the stream is asked for again every {} ms", &[1e3 * l::STREAM_SILENT])),
+    row(Fault::MotorEmergency, "motor emergency", s("the emergency bit of a motor", &[]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
+    row(Fault::MotorNotSpinning, "motor not spinning", s("the spinning bit of a motor is off after the start, or it turns at less than {} times the lagged command", &[l::STOPPED]), (0.02, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
+    row(Fault::MotorWrongSpeed, "motor at a wrong speed", s("a motor {} Hz off the lagged command", &[l::WRONG_SPEED]), (0.1, 0.5), (Refuse, Land), s("it is driven faster by what is missing", &[])),
+    row(Fault::CommandNotFollowed, "command not followed", s("half of the motors {} Hz off the lagged command", &[l::WRONG_SPEED]), (0.1, 0.5), (Refuse, Land), s("the vehicle's own watchdog holds its lowest speed when commands stop reaching it", &[])),
+    row(Fault::ThrustLost, "thrust lost", s("the external wrench takes away {} % or more of what one rotor gives, for {} ms", &[1e2 * l::THRUST_MISSING, 1e3 * l::THRUST_AFTER]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost: its propeller is", &[])),
+    row(Fault::RotorLost, "rotor lost", s("a lost motor without which the vehicle cannot hover at rest", &[]), (0.0, 0.5), (Refuse, Descend), s("yaw is given up; down at {} m/s, before the spin that follows takes the rest; once it has toppled, or spins past the gyro's range, rotors at their lowest speeds", &[l::ADRIFT_SPEED])),
+    row(Fault::BatteryLow, "battery low", s("battery below the configured voltage", &[]), (1.0, 5.0), (Refuse, Land), s("change the battery", &[])),
+    row(Fault::BatteryCritical, "battery critical", s("battery below the configured critical voltage", &[]), (0.2, 5.0), (Refuse, Land), s("change the battery", &[])),
+    row(Fault::PoseLate, "pose late", s("newest pose older than {} ms", &[1e3 * l::POSE_LATE]), (0.0, 0.2), (Note, Note), s("the estimator goes on with the IMU", &[])),
+    row(Fault::PoseLost, "pose lost", s("no usable pose for {} s", &[l::POSE_LOST]), (0.0, 0.2), (Refuse, Hold), s("the estimator goes on with the IMU", &[])),
+    row(Fault::PoseLostLong, "pose lost for long", s("no usable pose for {} s", &[l::POSE_LOST_LONG]), (0.0, 0.5), (Refuse, Land), s("lands on IMU and model, on the pose when it returns", &[])),
+    row(Fault::PoseLostForGood, "pose lost for good", s("no usable pose for {} s", &[l::POSE_LOST_FOR_GOOD]), (0.0, 0.5), (Refuse, Descend), s("horizontal position is given up", &[])),
+    row(Fault::PoseJumping, "pose jumping", s("{} poses in a row refused by the gate", &[l::POSES_REFUSED as f64]), (0.0, 0.2), (Refuse, Hold), s("refused poses do not count as poses", &[])),
+    row(Fault::EstimateInconsistent, "estimate inconsistent", s("mean innovations, normalised and squared, above {}, where 1 is agreement", &[l::INCONSISTENCY]), (0.3, 0.5), (Refuse, Land), s("check the noise and the mounting in the configuration", &[])),
+    row(Fault::EstimateUncertain, "estimate uncertain", s("a deviation above {} m of the position, or {} m/s of the velocity, in the covariance", &[l::POSITION_DEVIATION, l::VELOCITY_DEVIATION]), (0.05, 0.5), (Refuse, Descend), s("horizontal position is given up", &[])),
+    row(Fault::TrackingError, "tracking error", s("position or rotation error above its limit", &[]), (0.3, 0.5), (Note, Land), s("a landing goes on from where the vehicle is; check mass, thrust coefficients and limits", &[])),
+    row(Fault::Tilt, "tilt", s("tilt above its limit", &[]), (0.1, 0.5), (Refuse, Land), s("while the IMU is silent or the rotors at their limits: lowest speeds, for thrust would only carry it away", &[])),
+    row(Fault::Speed, "speed", s("speed above its limit", &[]), (0.1, 0.5), (Refuse, Land), s("", &[])),
+    row(Fault::Excursion, "excursion", s("the admittance filter at its excursion limit", &[]), (0.5, 0.2), (Note, Hold), s("the tool is held back or pushed too far", &[])),
+    row(Fault::WrenchLimit, "external wrench", s("estimated tool force or torque above its limit", &[]), (0.1, 0.5), (Note, Hold), s("", &[])),
+    row(Fault::SetpointStale, "set-point stale", s("a streamed set-point older than {} s", &[l::SETPOINT_STALE]), (0.0, 0.0), (Note, Hold), s("the last one is held", &[])),
+    row(Fault::SetpointJump, "set-point refused", s("a set-point that is not finite, or jumps", &[]), (0.0, 0.2), (Note, Hold), s("the last good one is held", &[])),
+    row(Fault::SetpointInfeasible, "set-point infeasible", s("rotors at their limits", &[]), (0.5, 0.5), (Note, Hold), s("slow the trajectory or tilt less", &[])),
+    row(Fault::Overrun, "loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN]), (0.0, 0.1), (Note, Note), s("whole periods are skipped; the measured time enters the laws", &[])),
+    row(Fault::OverrunLong, "long loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN_LONG]), (0.0, 1.0), (Note, Hold), s("the vehicle's watchdog took the rotors to their lowest speed after {} ms", &[1e3 * l::VEHICLE_WATCHDOG])),
+    row(Fault::LinkGarbage, "link garbage", s("{} % of the frames refused", &[1e2 * l::GARBAGE]), (0.2, 0.5), (Refuse, Hold), s("the model stands in for the motors; check cable, adapter and speed of the line", &[])),
+    row(Fault::Reboot, "reboot", s("the board announces itself unasked", &[]), (0.0, 1.0), (Refuse, Land), s("rates are asked for and motors started again", &[])),
+    row(Fault::LinkLost, "link lost", s("the port is gone, or silent for {} s", &[l::LINK_SILENT]), (0.0, 1.0), (Refuse, Descend), s("nothing reaches the vehicle; its watchdog holds the lowest speed after {} ms and disarms {} s later", &[1e3 * l::VEHICLE_WATCHDOG, l::VEHICLE_DISARMS])),
+    row(Fault::LogLost, "log lost", s("the recorder reports that it cannot write", &[]), (0.0, 1.0), (Note, Note), s("the flight goes on without a log", &[])),
+    row(Fault::NotFinite, "not finite", s("a controller output that is not a finite number", &[]), (0.0, 0.5), (Refuse, Land), s("the last good command is sent again", &[])),
+    row(Fault::StartTimeout, "start timeout", s("a motor does not spin `[supervisor] start_timeout` after the first start command", &[]), (0.0, 0.0), (Refuse, Note), s("see the vehicle's own messages", &[])),
+    row(Fault::Operator, "operator", s("SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
 ];
 
 /// A set of faults.

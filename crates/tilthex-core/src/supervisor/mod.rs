@@ -4,8 +4,9 @@
 //! on the operator's explicit kill.
 
 pub mod faults;
+pub mod limits;
 
-pub use faults::{COUNT, Fault, FaultSet, Reaction, Row, TABLE};
+pub use faults::{COUNT, Fault, FaultSet, Reaction, Row, Sentence, TABLE};
 
 /// The phases of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

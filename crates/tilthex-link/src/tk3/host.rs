@@ -13,14 +13,13 @@ use crate::{
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
+    supervisor::limits::STREAM_SILENT,
     types::{MAX_ROTORS, RotorVector},
 };
 
 /// Between two identity requests, s, and how many there are.
 const IDENTIFY_EVERY: f64 = 0.5;
 const IDENTIFY_TRIES: u32 = 4;
-/// Streams that are silent for so long are asked for again, s.
-const SILENCE: f64 = 0.5;
 /// Between two start or stop commands, s.
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
 /// Largest change of a rotor's speed from one sample to the next, Hz.
@@ -154,7 +153,7 @@ impl Host {
                     self.stage = Stage::Refused;
                 }
             }
-            Stage::Streams { asked } if now - asked >= SILENCE && self.silent(now) => {
+            Stage::Streams { asked } if now - asked >= STREAM_SILENT && self.silent(now) => {
                 for (stream, period_us) in [
                     (Stream::Battery, self.params.battery_period_us),
                     (Stream::Motors, self.params.motor_period_us),
@@ -199,7 +198,7 @@ impl Host {
     }
 
     fn silent(&self, now: f64) -> bool {
-        self.telemetry.inertial.age(now) > SILENCE || self.telemetry.motor_age(now) > SILENCE
+        self.telemetry.inertial.age(now) > STREAM_SILENT || self.telemetry.motor_age(now) > STREAM_SILENT
     }
 
     /// Samples that the gates have refused.

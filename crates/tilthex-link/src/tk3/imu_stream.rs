@@ -6,10 +6,9 @@ use tilthex_core::{
     Error,
     clock_sync::ClockParams,
     flight::{Inertial, InertialTelemetry},
+    supervisor::limits::IMU_FROZEN,
 };
 
-/// So many readings in a row alike to the bit are no measurement.
-const FROZEN: u32 = 25;
 /// Counts from here on are the end of the IMU's range.
 const FULL_SCALE: u16 = 32_760;
 /// Largest change of an inertial reading from one sample to the next: rad/s, m/s^2.
@@ -80,7 +79,7 @@ impl ImuStream {
         let alike = |last: ImuFrame| last.accelerometer == frame.accelerometer && last.gyro == frame.gyro;
         let same = self.last_frame.replace(*frame).is_some_and(alike);
         self.same_frames = if same { self.same_frames.saturating_add(1) } else { 0 };
-        out.frozen = self.same_frames >= FROZEN;
+        out.frozen = self.same_frames >= IMU_FROZEN;
         let full = |x: &i16| x.unsigned_abs() >= FULL_SCALE;
         out.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
         if out.saturated {

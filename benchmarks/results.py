@@ -1,0 +1,125 @@
+"""`make results`: runs what `docs/results` shows and writes it, with date, machine and commit.
+
+Each page is what a command printed, nothing typed by hand. `python -m benchmarks.results NAME ...` writes
+some pages alone; `--list` names them. All of them take about three hours on two cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+RESULTS = ROOT / "docs" / "results"
+TERMINAL = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of results: its name, its title, and the commands whose output it shows."""
+
+    name: str
+    title: str
+    commands: tuple[str, ...]
+
+
+PAGES = (
+    Page(
+        "experiments",
+        "The paper's experiments",
+        tuple(
+            f"tilthex experiment {name} --out out/results"
+            for name in ("shaping", "sliding", "multi-contact", "chirp")
+        ),
+    ),
+    Page(
+        "peg-in-hole",
+        "Peg in hole, random cases",
+        ("tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",),
+    ),
+    Page(
+        "consistency",
+        "Consistency of the estimator",
+        ("cargo test --release --locked -p tilthex-core --test consistency -- --nocapture",),
+    ),
+    Page(
+        "manoeuvres", "Manoeuvres at the rotors' limits", ("tilthex manoeuvres --out out/results/manoeuvres",)
+    ),
+    Page(
+        "allocation",
+        "The allocator against quadprog",
+        ("python -m benchmarks.lexicographic 10000",),
+    ),
+    Page(
+        "campaign",
+        "The fault campaign",
+        ("target/release/tilthex-rt campaign --number 10000 --seed 900001",),
+    ),
+)
+
+
+def main() -> None:
+    """Writes the pages that are named, or all."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("name", nargs="*", help="pages to write (default: all)")
+    parser.add_argument("--list", action="store_true", help="name the pages and end")
+    arguments = parser.parse_args()
+    if arguments.list:
+        print("\n".join(page.name for page in PAGES))
+        return
+    known = {page.name: page for page in PAGES}
+    unknown = [name for name in arguments.name if name not in known]
+    if unknown:
+        parser.error(f"no page is named {unknown[0]}; expected one of {', '.join(known)}")
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    for name in arguments.name or known:
+        print(f"{name} ...", flush=True)
+        (RESULTS / f"{name}.md").write_text(page_text(known[name]))
+
+
+def page_text(page: Page) -> str:
+    """A page in Markdown."""
+    lines = [f"# {page.title}", "", f"Written by `make results`. {_circumstances()}", ""]
+    for command in page.commands:
+        lines += [f"    {command}", "", "```text", _output(command), "```", ""]
+    return "\n".join(lines)
+
+
+def _circumstances() -> str:
+    commit = _git("rev-parse", "--short", "HEAD")
+    changed = ", with uncommitted changes" if _git("status", "--porcelain", "--untracked-files=no") else ""
+    date = datetime.datetime.now(datetime.timezone.utc).date()
+    return f"{date}, {platform.machine()} with {os.cpu_count()} processors, commit {commit}{changed}."
+
+
+def _git(*arguments: str) -> str:
+    return subprocess.run(
+        ["git", *arguments], cwd=ROOT, check=True, capture_output=True, text=True
+    ).stdout.strip()
+
+
+def _output(command: str) -> str:
+    """What a command prints, without progress bars; its exit status where that is not 0."""
+    path = str(Path(sys.executable).parent) + os.pathsep + os.environ.get("PATH", "")
+    done = subprocess.run(
+        command,
+        shell=True,
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=os.environ | {"PATH": path},
+    )
+    text = TERMINAL.sub("", done.stdout).rstrip()
+    return text if done.returncode == 0 else f"{text}\n(exit status {done.returncode})"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,56 @@
+//! The numbers of the faults: each is used by the flight's conditions and shown in the table.
+
+/// Without inertial samples for longer than this the model stands in, s.
+pub const IMU_LATE: f64 = 6e-3;
+/// Without inertial samples for longer than this the IMU is silent, s.
+pub const IMU_SILENT: f64 = 0.05;
+/// So many inertial readings in a row that are equal to the bit are no measurement.
+pub const IMU_FROZEN: u32 = 25;
+/// Streams that are silent for longer than this are asked for again, s.
+pub const STREAM_SILENT: f64 = 0.5;
+/// A motor's measurement that is older than this is stale, s.
+pub const MOTORS_STALE: f64 = 0.1;
+/// A motor's measurement that is older than this, about a rotor's time constant, is replaced by the model, s.
+pub const MOTORS_FRESH: f64 = 0.03;
+/// A motor's measurement that is older than this is silent, s.
+pub const MOTORS_SILENT: f64 = 1.0;
+/// A motor this far from the lagged command does not follow, Hz.
+pub const WRONG_SPEED: f64 = 12.0;
+/// A motor slower than this part of the lagged command has stopped.
+pub const STOPPED: f64 = 0.5;
+/// The least share of its wrench that a rotor without thrust lacks.
+pub const THRUST_MISSING: f64 = 0.6;
+/// The same rotor is suspected to have no thrust for so long, s.
+pub const THRUST_AFTER: f64 = 0.06;
+/// Speed of the descent without a rotor that it takes to hover, m/s.
+pub const ADRIFT_SPEED: f64 = 1.0;
+/// A pose that is older than this is late, s.
+pub const POSE_LATE: f64 = 0.05;
+/// Without a usable pose for longer than this the pose is lost, s.
+pub const POSE_LOST: f64 = 0.1;
+/// Without a usable pose for longer than this the vehicle lands, s.
+pub const POSE_LOST_LONG: f64 = 0.5;
+/// Without a usable pose for longer than this the horizontal position is given up, s.
+pub const POSE_LOST_FOR_GOOD: f64 = 2.0;
+/// So many refused poses in a row are a fault.
+pub const POSES_REFUSED: u32 = 5;
+/// Mean normalised innovation squared above which model and measurement disagree; 1 is agreement.
+pub const INCONSISTENCY: f64 = 4.0;
+/// Deviation of the position above which it is given up, m.
+pub const POSITION_DEVIATION: f64 = 0.5;
+/// Deviation of the velocity above which the speed is not known, m/s.
+pub const VELOCITY_DEVIATION: f64 = 1.0;
+/// A streamed set-point that is older than this is stale, s.
+pub const SETPOINT_STALE: f64 = 0.2;
+/// A period of the loop that is longer than this is an overrun, s.
+pub const OVERRUN: f64 = 0.01;
+/// A period of the loop that is longer than this is a long overrun, s.
+pub const OVERRUN_LONG: f64 = 0.1;
+/// After this long without a command the vehicle takes its rotors to their lowest speeds, s.
+pub const VEHICLE_WATCHDOG: f64 = 0.5;
+/// After this long at their lowest speeds the vehicle stops its motors, s.
+pub const VEHICLE_DISARMS: f64 = 10.0;
+/// This share of refused frames is garbage.
+pub const GARBAGE: f64 = 0.1;
+/// A line that is silent for longer than this is lost, s.
+pub const LINK_SILENT: f64 = 1.0;
