@@ -245,3 +245,43 @@ def test_the_command_names_the_truth_in_its_report(tmp_path: Path, own: Path) ->
     page = (tmp_path / "out" / "shaping.html").read_text()
     assert "truth measured, drawn with seed 21" in page
     assert "[truth.sensors]" in page and "Drawn with seed 21" in page
+
+
+def test_a_vehicle_with_a_rod_that_bends_weighs_and_turns_as_without() -> None:
+    mujoco = pytest.importorskip("mujoco")
+    from tilthex.mjcf import Rod, to_mjcf
+
+    for name in ("tilt-hex", "omnidirectional-octorotor"):
+        vehicle = tilthex.Vehicle.preset(name)
+        model = mujoco.MjModel.from_xml_string(to_mjcf(vehicle, rod=Rod(1000.0, 0.4)))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        assert model.body_subtreemass[0] == pytest.approx(vehicle.mass, rel=1e-12)
+        assert_allclose(data.subtree_com[0], data.qpos[:3], atol=1e-12)
+        inertia = np.zeros((3, model.nv))
+        for column, turn in zip(inertia, np.eye(model.nv)[3:6], strict=True):
+            mujoco.mj_mulM(model, data, column, turn)
+        assert_allclose(inertia[:, 3:6], vehicle.inertia, atol=1e-12)
+        tool = data.site("tool")
+        assert_allclose(tool.xpos, data.qpos[:3] + vehicle.tool_position, atol=1e-12)
+        assert_allclose(tool.xmat.reshape(3, 3), vehicle.tool_rotation, atol=1e-12)
+
+
+def test_a_rod_in_a_world_bends_as_its_stiffness_says() -> None:
+    """Pushed sideways where the robot is held still: the tip moves by force over stiffness."""
+    pytest.importorskip("mujoco")
+    from tilthex.experiments.scenes import free_air
+    from tilthex.experiments.world import Noise, World
+
+    drawn = tilthex.Truth(VEHICLE, {"structure": {"tool_stiffness": 1000.0, "tool_length": 0.4}}).draw(0)
+    quiet = Noise(0.0, 0.0, 0.0, 0.0, 0.0)
+    home = {"tool_position": np.array([0.0, 0.0, 1.0]), "tool_rotation": np.eye(3)}
+    world = World(drawn.vehicle, free_air(), quiet, seed=1, drawn=drawn, **home)
+    # So heavy that only the rod moves.
+    world.model.dof_armature[:6] = 1e9
+    world.push = np.array([2.0, -1.0, 0.0])
+    for _ in range(2000):
+        world.step(drawn.vehicle.hover_speeds())
+    moved = world.tool_position - home["tool_position"]
+    assert_allclose(moved[:2], [2e-3, -1e-3], rtol=0.002, atol=1e-6)
+    assert abs(moved[2]) < 1e-4

@@ -10,6 +10,7 @@ controls: it acts on speeds, not on their squares.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -30,6 +31,22 @@ TIMESTEP = 0.001
 # Contact that holds at this time step: stiff enough for 0.15 mm at 5 N, and a first
 # solimp value near zero, without which a sliding tip loses contact every other step.
 CONTACT = {"solref": "0.004 1", "solimp": "0.001 0.95 0.0001", "condim": "3"}
+
+
+DAMPING = 0.02
+"""Damping ratio of a bending rod in its first mode (Blevins, Formulas for natural frequency, ch. 2)."""
+
+
+@dataclass(frozen=True)
+class Rod:
+    """A rod that bends, as a rigid one on two springy hinges at its clamp."""
+
+    stiffness: float
+    """Lateral force at the tip for its lateral displacement, N/m."""
+    length: float
+    """From the clamp to the tip, m."""
+    mass: float = 0.02
+    """Of it, kg; part of the vehicle's: a carbon rod of 6 mm and 0.4 m."""
 
 
 def numbers(values: Iterable[float]) -> str:
@@ -56,25 +73,32 @@ def robot_body(
     rotation: Vector,
     tool_length: float,
     feet: Sequence[ET.Element] = (),
+    rod: Rod | None = None,
 ) -> ET.Element:
     """The robot: inertia, rod, sites `tool`, `imu`, `centre_of_mass`, and discs to look at."""
     body = ET.Element("body", name="robot", pos=numbers(position), quat=quaternion(rotation))
     ET.SubElement(body, "freejoint", name="robot")
-    inertia = vehicle.inertia
-    upper = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-    ET.SubElement(body, "inertial", pos="0 0 0", mass=repr(float(vehicle.mass)), fullinertia=numbers(upper))
     tip, up = vehicle.tool_position, vehicle.tool_rotation[:, 2]
+    mass, centre, inertia = vehicle.mass, np.zeros(3), vehicle.inertia
+    # The tool's frame, and the body that it is fixed to.
+    tool, origin, turned = body, tip, vehicle.tool_rotation
+    if rod is not None:
+        mass, centre, inertia = _without_rod(vehicle, rod)
+        tool, origin, turned = _hang(body, vehicle, rod), np.array([0.0, 0.0, -rod.length]), np.eye(3)
+    upper = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    inertial = ET.Element("inertial", pos=numbers(centre), mass=repr(float(mass)), fullinertia=numbers(upper))
+    body.insert(1, inertial)
     contact_geom(
-        body,
+        tool,
         0.0,
         name="rod",
         type="capsule",
         size=repr(TOOL_RADIUS),
-        fromto=numbers((*tip, *(tip + tool_length * up))),
+        fromto=numbers((*origin, *(origin + tool_length * turned[:, 2]))),
         rgba="0.75 0.75 0.78 1",
     )
     ET.SubElement(body, "site", name="centre_of_mass", pos="0 0 0")
-    ET.SubElement(body, "site", name="tool", pos=numbers(tip), quat=quaternion(vehicle.tool_rotation))
+    ET.SubElement(tool, "site", name="tool", pos=numbers(origin), quat=quaternion(turned))
     imu = {"pos": numbers(vehicle.imu_position), "quat": quaternion(vehicle.imu_rotation)}
     ET.SubElement(body, "site", imu, name="imu")
     _looks(body, vehicle, tip + tool_length * up)
@@ -91,6 +115,7 @@ def to_mjcf(
     position: Iterable[float] = (0.0, 0.0, 1.0),
     rotation: Vector | None = None,
     tool_length: float = 0.2,
+    rod: Rod | None = None,
 ) -> str:
     """A MuJoCo model of a vehicle among the bodies and geoms of `world`.
 
@@ -103,6 +128,7 @@ def to_mjcf(
         position: Where the centre of mass starts, m, W.
         rotation: How the robot is turned at the start, robot to world; level without it.
         tool_length: Length of the rod behind the tip, m.
+        rod: How the rod bends; a body of its own, `tool`, on two hinges. Rigid without.
 
     Returns:
         The model as XML text. Sensors: `accelerometer`, `gyro` (IMU axes).
@@ -123,7 +149,8 @@ def to_mjcf(
     body = ET.SubElement(model, "worldbody")
     ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")
     body.extend(world)
-    body.append(robot_body(vehicle, position, np.eye(3) if rotation is None else rotation, tool_length, feet))
+    turned = np.eye(3) if rotation is None else rotation
+    body.append(robot_body(vehicle, position, turned, tool_length, feet, rod))
     actuators = ET.SubElement(model, "actuator")
     limits = vehicle.rotor_speed_limits
     inputs = limits * np.abs(limits)
@@ -140,9 +167,54 @@ def to_mjcf(
     sensors = ET.SubElement(model, "sensor")
     ET.SubElement(sensors, "accelerometer", name="accelerometer", site="imu")
     ET.SubElement(sensors, "gyro", name="gyro", site="imu")
-    model.extend(extra)
+    model.extend(extra if rod is None else [_on_the_rod(element) for element in extra])
     ET.indent(model)
     return ET.tostring(model, encoding="unicode")
+
+
+def _hang(body: ET.Element, vehicle: Vehicle, rod: Rod) -> ET.Element:
+    """The rod's body at its clamp, in the tool's axes, on hinges about x and y."""
+    place = vehicle.tool_position + rod.length * vehicle.tool_rotation[:, 2]
+    hung = ET.SubElement(
+        body, "body", name="tool", pos=numbers(place), quat=quaternion(vehicle.tool_rotation)
+    )
+    across = rod.mass * rod.length**2 / 3.0
+    stiffness = rod.stiffness * rod.length**2
+    spring = {
+        "stiffness": repr(stiffness),
+        "damping": repr(2.0 * DAMPING * np.sqrt(stiffness * across).item()),
+    }
+    for name, axis in (("x", "1 0 0"), ("y", "0 1 0")):
+        ET.SubElement(hung, "joint", spring, name=f"rod_{name}", type="hinge", axis=axis)
+    own = rod.mass * rod.length**2 / 12.0
+    middle, thin = numbers((0.0, 0.0, -0.5 * rod.length)), 0.5 * rod.mass * TOOL_RADIUS**2
+    ET.SubElement(hung, "inertial", pos=middle, mass=repr(rod.mass), diaginertia=numbers((own, own, thin)))
+    return hung
+
+
+def _without_rod(vehicle: Vehicle, rod: Rod) -> tuple[float, Vector, Vector]:
+    """Mass, centre of mass (R) and inertia about it of what the rod leaves of the vehicle.
+
+    Rod and rest together have the vehicle's own.
+    """
+    up = vehicle.tool_rotation[:, 2]
+    middle = vehicle.tool_position + 0.5 * rod.length * up
+    mass = vehicle.mass - rod.mass
+    centre = -rod.mass / mass * middle
+    thin, own = 0.5 * rod.mass * TOOL_RADIUS**2, rod.mass * rod.length**2 / 12.0
+    rods = own * (np.eye(3) - np.outer(up, up)) + thin * np.outer(up, up)
+
+    def moved(m: float, c: Vector) -> Vector:
+        return np.asarray(m * (c @ c * np.eye(3) - np.outer(c, c)))
+
+    inertia = vehicle.inertia - rods - moved(rod.mass, middle) - moved(mass, centre)
+    return mass, centre, inertia
+
+
+def _on_the_rod(element: ET.Element) -> ET.Element:
+    """An equality that holds the robot by its tool, at the rod."""
+    text = ET.tostring(element, encoding="unicode").replace('body1="robot"', 'body1="tool"')
+    return ET.fromstring(text)
 
 
 def _looks(body: ET.Element, vehicle: Vehicle, rod_end: Vector) -> None:

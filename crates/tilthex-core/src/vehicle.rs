@@ -169,7 +169,7 @@ impl Vehicle {
     /// The rotors.
     #[must_use]
     pub fn rotors(&self) -> &[Rotor] {
-        &self.rotors[..self.rotor_count]
+        self.rotors.get(..self.rotor_count).unwrap_or(&self.rotors)
     }
 
     /// Number of rotors.

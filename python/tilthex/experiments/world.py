@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from tilthex import GRAVITY, Drawn, Effects, Vehicle
 from tilthex.experiments.scenes import Scene
-from tilthex.mjcf import TIMESTEP, to_mjcf
+from tilthex.mjcf import TIMESTEP, Rod, to_mjcf
 
 try:
     import mujoco
@@ -96,6 +96,7 @@ class World:
         """
         self.rotation: Vector = tool_rotation @ vehicle.tool_rotation.T
         start = tool_position - self.rotation @ vehicle.tool_position
+        stiffness, length = (0.0, 0.0) if drawn is None else drawn.rod
         xml = to_mjcf(
             vehicle,
             scene.elements,
@@ -103,6 +104,7 @@ class World:
             feet=feet,
             position=start,
             rotation=self.rotation,
+            rod=Rod(stiffness, length) if stiffness > 0.0 else None,
         )
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
@@ -123,6 +125,11 @@ class World:
         self._clamped = self.model.neq > 0
         self._robot = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, "robot")
         self._rod = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, "rod")
+        self._tool = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tool")
+        self._bends = stiffness > 0.0
+        self._held = mujoco.mj_name2id(
+            self.model, mujoco.mjtObj.mjOBJ_BODY, "tool" if self._bends else "robot"
+        )
         self._contact = np.zeros(6)
         self._turned = np.zeros((3, 3))
         self._draws = np.random.default_rng(seed)
@@ -166,11 +173,18 @@ class World:
     @property
     def tool_position(self) -> Vector:
         """True position of the tool's origin, m, W."""
+        if self._bends:
+            return np.array(self.data.site_xpos[self._tool])
         return self.position + self.rotation @ self.tool_offset
 
     @property
     def tool_velocity(self) -> Vector:
         """True velocity of the tool's origin, m/s, W."""
+        if self._bends:
+            twist = np.zeros(6)
+            site = mujoco.mjtObj.mjOBJ_SITE
+            mujoco.mj_objectVelocity(self.model, self.data, site, self._tool, twist, 0)
+            return twist[3:]
         return self.velocity + self.rotation @ np.cross(self.angular_velocity, self.tool_offset)
 
     def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
@@ -183,12 +197,11 @@ class World:
             change = self._lag * (rotor_command - self.rotor_speeds)
             self.rotor_speeds += change
             data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)
+            data.xfrc_applied[:] = 0.0
             if self.push.any():
-                arm = self.rotation @ self.tool_offset
-                data.xfrc_applied[self._robot, :3] = self.push
-                data.xfrc_applied[self._robot, 3:] = np.cross(arm, self.push)
-            else:
-                data.xfrc_applied[self._robot] = 0.0
+                arm = data.site_xpos[self._tool] - data.xipos[self._held]
+                data.xfrc_applied[self._held, :3] = self.push
+                data.xfrc_applied[self._held, 3:] = np.cross(arm, self.push)
             if self._effects is not None:
                 self._act(self._effects, change / TIMESTEP)
             mujoco.mj_step(self.model, data)
@@ -203,6 +216,10 @@ class World:
         acceleration[2] += GRAVITY
         self._specific_force_r = self.rotation.T @ acceleration
         mujoco.mju_quat2Mat(self.rotation.reshape(9), data.qpos[3:7])
+        if self._bends:
+            mujoco.mj_kinematics(self.model, data)
+            mujoco.mj_comPos(self.model, data)
+            mujoco.mj_comVel(self.model, data)
         if self._next_draw == len(self._pool):
             self._pool = self._draws.standard_normal((4096, self._pool.shape[1]))
             self._next_draw = 0
@@ -222,8 +239,10 @@ class World:
             accelerations,
             TIMESTEP,
         )
+        # An applied force acts at the body's own centre of mass, the wrench at the vehicle's.
+        away = self._turned @ self.model.body_ipos[self._robot]
         data.xfrc_applied[self._robot, :3] += wrench[:3]
-        data.xfrc_applied[self._robot, 3:] += self._turned @ wrench[3:]
+        data.xfrc_applied[self._robot, 3:] += self._turned @ wrench[3:] - np.cross(away, wrench[:3])
 
     def perfect_accelerometer(self) -> Vector:
         """What one without noise and bias would say, m/s^2, IMU axes."""
