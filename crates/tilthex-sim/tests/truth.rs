@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
+use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_link::LinkedFlight;
-use tilthex_rt::{
+use tilthex_sim::{
+    Simulation, SimulationParams,
     campaign::{self, Outcome, World},
-    config::{Config, TruthSection, VehicleSection},
-    sim::{Simulation, SimulationParams},
 };
 
 /// Take-off, seven seconds on a mission and landing of a drawn vehicle, through the real codecs.
