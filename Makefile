@@ -87,7 +87,7 @@ python-test: install
 
 bench: install
 	python -m benchmarks
-	cargo bench --locked --quiet -p tilthex-core -p tilthex-rt --bench ukf --bench allocation --bench control
+	cargo bench --locked --quiet -p tilthex-core -p tilthex-sim --bench ukf --bench allocation --bench control
 
 bench-rt:
 	cargo build --release --locked -p tilthex-rt

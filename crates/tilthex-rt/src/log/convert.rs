@@ -7,7 +7,7 @@ use tilthex_core::{
 use tilthex_link::{Severity, Wire};
 
 use super::messages::{self as m, foxglove};
-use crate::sim::Truth;
+use tilthex_sim::Truth;
 
 pub(super) fn vector(v: &Vector3) -> Option<m::Vector3> {
     Some(m::Vector3 { x: v.x, y: v.y, z: v.z })
