@@ -24,7 +24,7 @@ help:
 demo:
 	mkdir -p out
 	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- \
-		--sim --duration 20 --pushes examples/push.toml --log out/demo.mcap
+		--sim --duration 20 --pushes examples/push.toml --overwrite --log out/demo.mcap
 
 test: lint rust-test python-test
 
@@ -87,7 +87,7 @@ python-test: install
 
 bench: install
 	python -m benchmarks
-	cargo bench --locked --quiet -p tilthex-core -p tilthex-rt --bench ukf --bench allocation --bench control
+	cargo bench --locked --quiet -p tilthex-core -p tilthex-sim --bench ukf --bench allocation --bench control
 
 bench-rt:
 	cargo build --release --locked -p tilthex-rt

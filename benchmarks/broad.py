@@ -9,6 +9,7 @@ looked for in ../shared/data/broad, or in the folder `broad` of $TILTHEX_DATA.
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -120,10 +121,14 @@ def beside(recording: Recording, seconds: float = 20.0) -> None:
 
 
 def main() -> None:
-    """Everything, or a message where the recording is not there."""
+    """Everything; where the recording is not there, a sentence and status 2."""
     if not path().exists():
-        print(f"{path()} is not there: the recording's figures are skipped (set TILTHEX_DATA)")
-        return
+        print(
+            f"{path()} is not there: the BROAD data set (Laidig, Caruso, Cereatti and Seel 2021) has it, in "
+            "data_mat of https://github.com/dlaidig/broad; TILTHEX_DATA names the folder above `broad`",
+            file=sys.stderr,
+        )
+        sys.exit(2)
     recording = load()
     errors(recording)
     print()

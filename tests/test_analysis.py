@@ -117,7 +117,7 @@ def test_the_command_starts_without_the_extras():
 
 
 def test_a_missing_extra_is_one_sentence(monkeypatch, tmp_path, capsys):
-    monkeypatch.setitem(sys.modules, "mcap.reader", None)
+    monkeypatch.setitem(sys.modules, "mcap_protobuf.decoder", None)
     assert command.main(["fit", str(tmp_path / "flight.mcap")]) == 2
     error = capsys.readouterr().err
     assert error.startswith("tilthex: ")

@@ -50,6 +50,9 @@ def test_the_command_writes_a_report(tmp_path: Path) -> None:
     assert "data:image/png;base64," in page
     assert (tmp_path / "chirp-chirp.png").exists()
     assert len(Record.load(tmp_path / "chirp-chirp.npz").time) > 1000
+    # Progress is for a terminal.
+    assert done.stderr == ""
+    assert not [path for path in tmp_path.iterdir() if set(path.name) & set(" =()&;")]
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,12 @@ def test_every_built_in_experiment_loads(name: str, short: bool) -> None:
         ("hold = 3.0", "hodl = 3.0", "the nearest known one is `hold`"),
         ('scene = "plane"', 'scene = "plain"', "expected one of clamp, free, funnel, plane"),
         ("friction = 0.2", "fricton = 0.2", "fricton"),
+        ("friction = 0.2", "friction = -0.3", "world.friction is -0.3; expected a number from 0 to 10"),
+        ("friction = 0.2", "friction = nan", "world.friction is nan; expected a number"),
+        ("point = [0.0", "point = [inf", "world.point is inf; expected a number that is finite"),
+        ("velocity = 0.12", "velocity = -0.12", "trajectory.velocity is -0.12; expected a number from"),
+        ("hold = 3.0", "hold = -3.0", "trajectory.waypoint.hold is -3.0; expected a number from 0"),
+        ("[world]", "[noise]\ngyro = -1.0\n[world]", "noise.gyro is -1.0; expected a number from 0"),
         ("[world]", "[world", "line"),
     ],
 )

@@ -270,6 +270,25 @@ def test_phases_are_names_and_numbers_are_arrays(tmp_path, flight):
     assert set(log.TOPICS) - set(log.Log(path).topics) == {"/command"}
 
 
+def test_state_and_truth_share_a_clock(tmp_path, flight):
+    """By their `time` the estimate is on the truth while the vehicle climbs and sinks."""
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(flight)
+    topics = log.read(path, ["/state", "/truth", "/flight"])
+    state, truth = topics["/state"], topics["/truth"]
+    moves = log.flying(topics["/flight"]["phase"]) & (abs(state["velocity_w"][:, 2]) > 0.1)
+    assert moves.sum() > 300
+    at = state["time"][moves]
+    off = [
+        state["position_w"][moves, k] - np.interp(at, truth["time"], truth["position_w"][:, k])
+        for k in range(3)
+    ]
+    assert np.median(np.linalg.norm(off, axis=0)) < 1e-3
+    # One clock: neither counts from a start of its own.
+    assert abs(truth["time"][-1] - topics["/flight"]["time"][-1]) < 1.0
+    assert np.all(state["time"] <= topics["/flight"]["time"] + 1e-3)
+
+
 def test_the_check_sums_are_those_of_the_file(flight):
     """What is compared is there: a log without check sums would pass every flip."""
     records = list(StreamReader(io.BytesIO(flight), emit_chunks=True, validate_crcs=True).records)

@@ -101,14 +101,15 @@ def running(command: list[str]) -> Iterator[None]:
         process.communicate()
 
 
-def cargo_run(*target: str) -> list[str]:
+def cargo_run(package: str, *target: str) -> list[str]:
     if shutil.which("cargo") is None:
         pytest.skip("no cargo to build the server with")
-    return ["cargo", "run", "--quiet", "--locked", "-p", "tilthex-rt", *target, "--"]
+    return ["cargo", "run", "--quiet", "--locked", "-p", package, *target, "--"]
 
 
 def mocap_server(protocol: str, version: str, port: int) -> list[str]:
-    return [*cargo_run("--example", "mocap_server"), protocol, version, str(port), BODY]
+    server = cargo_run("tilthex-mocap", "--features", "net", "--example", "mocap_server")
+    return [*server, protocol, version, str(port), BODY]
 
 
 def read(client: str, *arguments: object) -> dict[str, Any]:
@@ -170,7 +171,7 @@ def test_motioncapture_reads_vrpn() -> None:
 def test_the_simulated_vehicle_is_seen(protocol: str) -> None:
     port = free_port(socket.SOCK_DGRAM if protocol == "natnet" else socket.SOCK_STREAM)
     installed = shutil.which("tilthex-sim")
-    sim = [installed] if installed else cargo_run("--bin", "tilthex-sim")
+    sim = [installed] if installed else cargo_run("tilthex-rt", "--bin", "tilthex-sim")
     with running([*sim, "--mocap", f"{protocol}://127.0.0.1:{port}/{BODY}"]):
         if protocol == "natnet":
             frame = read("natnet", "unicast", port)

@@ -3,7 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tilthex_core::mocap::{
+use tilthex_mocap::{
     UpAxis,
     natnet::{
         BodyName, Frame, MessageId, ModelDef, RigidBody, ServerInfo, Version, parse_connect, parse_echo_request,

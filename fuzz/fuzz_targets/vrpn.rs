@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use tilthex_core::mocap::vrpn::{COOKIE, Decoder, MAX_MESSAGE, check_cookie, write_message};
+use tilthex_mocap::vrpn::{COOKIE, Decoder, MAX_MESSAGE, check_cookie, write_message};
 
 fuzz_target!(|bytes: &[u8]| {
     if let Some(cookie) = bytes.first_chunk::<{ COOKIE.len() }>() {

@@ -3,6 +3,8 @@
 /// Most rotors a vehicle can have. Rotor vectors are zero past the vehicle's own count.
 pub const MAX_ROTORS: usize = 12;
 
+/// A time of the host's monotonic clock, ns.
+pub type Nanos = u64;
 /// A 3-vector of `f64`.
 pub type Vector3 = nalgebra::Vector3<f64>;
 /// A 3x3 matrix of `f64`.

@@ -46,6 +46,19 @@ pub struct LinkParams {
     pub scales: Option<tk3::ImuScales>,
 }
 
+/// Lengths of a link's frames on the line, bytes: what its streams take of a serial line.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FrameLengths {
+    /// An inertial sample.
+    pub inertial: u16,
+    /// One motor's sample.
+    pub motor: u16,
+    /// A battery's sample.
+    pub battery: u16,
+    /// A command to all motors.
+    pub command: u16,
+}
+
 /// The host's end of a link to a vehicle.
 ///
 /// Each tick of the loop calls [`look`](Self::look) for bytes as they come, then
@@ -71,6 +84,9 @@ pub trait VehicleLink {
 
     /// Writes a command for the motors and whatever the conversation needs at `now` (s).
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing);
+
+    /// Lengths of its frames on the line, bytes.
+    fn frames(&self) -> FrameLengths;
 
     /// Whether the other end is no vehicle that this link knows.
     fn refused(&self) -> bool;

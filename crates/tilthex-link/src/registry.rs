@@ -1,6 +1,6 @@
 //! The links there are: one line each.
 
-use crate::{InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, tk3};
+use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, tk3};
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
@@ -61,6 +61,9 @@ macro_rules! links {
             }
             fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
                 match self { $(Self::$kind(link) => link.command(command, now, out),)+ }
+            }
+            fn frames(&self) -> FrameLengths {
+                match self { $(Self::$kind(link) => link.frames(),)+ }
             }
             fn refused(&self) -> bool {
                 match self { $(Self::$kind(link) => link.refused(),)+ }

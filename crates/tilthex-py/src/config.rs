@@ -5,7 +5,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
-use tilthex_rt::config::Config as Checked;
+use tilthex_config::Config as Checked;
 
 /// A position, (3,), and a rotation, (3, 3).
 type Place<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);

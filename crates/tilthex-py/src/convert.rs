@@ -7,8 +7,8 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyDict};
+use tilthex_config::ConfigError;
 use tilthex_core::{Error, Matrix3, RotorVector, Wrench, so3};
-use tilthex_rt::config::ConfigError;
 use toml::{Table, Value};
 
 /// `ValueError` with the core's own sentence.

@@ -6,8 +6,8 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use tilthex_core::{Vector3, flight::Route, plant::SensorParams};
-use tilthex_rt::{
-    sim::pushes::{Push, Pushes},
+use tilthex_sim::{
+    pushes::{Push, Pushes},
     simulate::{Scenario, Start, run},
 };
 

@@ -9,6 +9,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
+use tilthex_config::{TrueVehicle, TruthSection};
 use tilthex_core::{
     RobotState, RotorVector, Vector3,
     plant::{
@@ -16,7 +17,6 @@ use tilthex_core::{
         SensorParams, Sensors,
     },
 };
-use tilthex_rt::config::{TrueVehicle, TruthSection};
 
 /// In what the simulated vehicle differs from the model that the controller has.
 #[pyclass(frozen, module = "tilthex")]
@@ -56,7 +56,7 @@ impl Truth {
     /// The names of the levels.
     #[staticmethod]
     fn levels() -> Vec<&'static str> {
-        tilthex_rt::config::truth::LEVELS.iter().map(|l| l.0).collect()
+        tilthex_config::truth::LEVELS.iter().map(|l| l.0).collect()
     }
 
     /// What it is called.

@@ -5,11 +5,11 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::{Path, PathBuf};
+use tilthex_config::{PRESETS, VehicleSection};
 use tilthex_core::{
     Matrix3,
     wrench_observer::{robot_wrench, tool_wrench},
 };
-use tilthex_rt::config::{PRESETS, VehicleSection};
 
 /// A validated vehicle: mass, rotors, tool and IMU; (3)-(10).
 #[pyclass(frozen, module = "tilthex", from_py_object)]

@@ -20,12 +20,11 @@ use tilthex_core::{
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_link::{InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput};
+use tilthex_sim::feed::{Feed, Tick, Timing};
 
 use crate::{
-    log::{Tick, Timing},
     phase_lock::{self, LOOK},
     port::{Port, Written},
-    recorder::Feed,
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
 };
 

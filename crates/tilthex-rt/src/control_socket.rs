@@ -3,7 +3,7 @@
 //!
 //! A request is an object with `command`, what the command takes, and an `id`
 //! that comes back with the answer: `{"id": 1, "ok": true}` or
-//! `{"id": 1, "error": "..."}`. Besides the orders of [`crate::orders`] there is
+//! `{"id": 1, "error": "..."}`. Besides the orders of [`tilthex_config::orders`] there is
 //! `state`, which answers with the newest state, and `stream` with a `rate`, Hz,
 //! after which lines `{"state": {...}}` come of their own accord.
 
@@ -22,9 +22,10 @@ use rtrb::Producer;
 use serde_json::{Map, Value, json};
 use tilthex_core::{Matrix3, Setpoint, Vector3, flight::Command};
 
+use tilthex_config::orders::Orders;
+
 use crate::{
     Failure,
-    orders::Orders,
     recorder::{Latest, Observer},
     sleeper::{Clock, Monotonic},
 };

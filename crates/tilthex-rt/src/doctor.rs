@@ -8,10 +8,14 @@ use std::{
 
 use rustix::thread::{CpuSet, sched_getaffinity};
 
+use tilthex_config::Config;
+use tilthex_mocap::{
+    ClientParams,
+    net::{Client, MocapUri},
+};
+
 use crate::{
-    config::Config,
     histogram::Histogram,
-    mocap::{Client, ClientParams, MocapUri},
     port::{Port, latency_timer},
     realtime::{self, Demand},
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
@@ -168,10 +172,10 @@ fn line(name: &str, baud: u32) -> Vec<Check> {
 }
 
 fn capture(config: &Config) -> Check {
-    let connect = || {
+    let connect = || -> Result<_, crate::Failure> {
         let uri: MocapUri = config.mocap.uri.parse()?;
-        let up_axis = config.mocap.up_axis().map_err(|e| crate::Failure::usage(e.to_string()))?;
-        Client::start(&uri, ClientParams { up_axis, latency: 0.0 })
+        let up_axis = config.mocap.up_axis()?;
+        Ok(Client::start(&uri, ClientParams { up_axis, latency: 0.0 })?)
     };
     match connect() {
         Err(failure) => check("capture", Verdict::Bad, failure.message),
@@ -195,7 +199,7 @@ fn capture(config: &Config) -> Check {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::config::VehicleSection;
+    use tilthex_config::VehicleSection;
 
     #[test]
     fn every_check_says_something_and_a_bad_one_how_to_mend_it() {

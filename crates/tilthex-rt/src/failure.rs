@@ -2,6 +2,10 @@
 
 use std::{fmt, process::ExitCode};
 
+use tilthex_config::ConfigError;
+use tilthex_mocap::net::SourceError;
+use tilthex_sim::SimError;
+
 use crate::output;
 
 /// Why a program ends; decides the exit status.
@@ -64,6 +68,28 @@ impl fmt::Display for Failure {
 }
 
 impl std::error::Error for Failure {}
+
+impl From<ConfigError> for Failure {
+    fn from(error: ConfigError) -> Self {
+        Self::usage(error.to_string())
+    }
+}
+
+impl From<SourceError> for Failure {
+    fn from(error: SourceError) -> Self {
+        Self::usage(error.to_string())
+    }
+}
+
+impl From<SimError> for Failure {
+    fn from(error: SimError) -> Self {
+        match error {
+            SimError::Refused(sentence) => Self::usage(sentence),
+            SimError::World(sentence) => Self::link(sentence),
+            SimError::Flight(sentence) => Self::fault(sentence),
+        }
+    }
+}
 
 /// Ends a program: prints a failure to standard error and gives its status.
 #[must_use]

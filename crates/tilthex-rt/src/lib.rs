@@ -1,20 +1,16 @@
 //! The real-time side of tilthex: the 500 Hz loop on the base PC, the
-//! simulated vehicle behind a pseudo-terminal, the recorder and their parts.
+//! simulated vehicle behind a pseudo-terminal, the recorder and the programs.
 //!
 //! The loop's thread never allocates, locks, logs or waits on anything but the
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
 pub mod app;
-pub mod campaign;
-pub mod config;
 pub mod control_loop;
 pub mod control_socket;
 pub mod doctor;
 pub mod failure;
 pub mod histogram;
 pub mod log;
-pub mod mocap;
-pub mod orders;
 mod output;
 pub mod phase_lock;
 pub mod port;
@@ -25,7 +21,6 @@ pub mod replay;
 mod signals;
 pub mod sim;
 pub mod sim_app;
-pub mod simulate;
 pub mod sleeper;
 pub mod summary;
 mod sys;

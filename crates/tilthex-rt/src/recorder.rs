@@ -5,7 +5,7 @@ use std::{
     path::PathBuf,
     sync::{
         Arc, Mutex, MutexGuard, PoisonError,
-        atomic::{AtomicBool, AtomicU64, Ordering},
+        atomic::{AtomicBool, Ordering},
         mpsc,
     },
     thread::JoinHandle,
@@ -14,67 +14,23 @@ use std::{
 
 use mcap::McapError;
 use rtrb::{Consumer, Producer, RingBuffer};
+use tilthex_sim::{
+    Truth,
+    feed::{Fate, Feed, Tick},
+};
 
 use crate::{
     Failure,
-    log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Tick, Whereabouts, file::refused},
-    sim::Truth,
+    log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Whereabouts, file::refused},
     summary::Statistics,
 };
 
-/// Ticks the ring holds: what a slow disk may cost before the first is lost.
-const RING: usize = 512;
 /// Truths the ring holds.
 const TRUTH_RING: usize = 256;
 /// The recorder looks so often.
 const LOOK: Duration = Duration::from_millis(10);
 /// The file is complete up to so long ago, s.
 const FLUSH: f64 = 0.5;
-
-/// The loop's end of the ring.
-#[derive(Debug)]
-pub struct Feed {
-    ring: Producer<Tick>,
-    shared: Arc<Shared>,
-}
-
-impl Feed {
-    /// A ring by itself, and its far end.
-    #[must_use]
-    pub fn ring() -> (Self, Consumer<Tick>) {
-        Self::of(Arc::default())
-    }
-
-    fn of(shared: Arc<Shared>) -> (Self, Consumer<Tick>) {
-        let (ring, ticks) = RingBuffer::new(RING);
-        (Self { ring, shared }, ticks)
-    }
-
-    /// Ticks that did not fit so far.
-    #[must_use]
-    pub fn dropped(&self) -> u64 {
-        self.shared.dropped.load(Ordering::Relaxed)
-    }
-
-    /// Hands a tick over, or counts it as dropped where the ring is full.
-    /// Wait-free; safe in the loop.
-    pub fn push(&mut self, tick: &Tick) {
-        match self.ring.write_chunk_uninit(1) {
-            Ok(chunk) => {
-                chunk.fill_from_iter(std::iter::once(*tick));
-            }
-            Err(_) => {
-                self.shared.dropped.fetch_add(1, Ordering::Relaxed);
-            }
-        }
-    }
-
-    /// Whether the log can no longer be written. Safe in the loop.
-    #[must_use]
-    pub fn log_lost(&self) -> bool {
-        self.shared.lost.load(Ordering::Relaxed)
-    }
-}
 
 /// The simulation's end of its ring.
 pub type TruthFeed = Producer<(f64, Truth)>;
@@ -88,8 +44,7 @@ enum Note {
 
 #[derive(Debug, Default)]
 struct Shared {
-    dropped: AtomicU64,
-    lost: AtomicBool,
+    fate: Arc<Fate>,
     stop: AtomicBool,
     latest: Mutex<Latest>,
 }
@@ -123,7 +78,7 @@ impl Observer {
     #[must_use]
     pub fn latest(&self) -> Latest {
         let mut latest = lock(&self.shared.latest).clone();
-        latest.dropped = self.shared.dropped.load(Ordering::Relaxed);
+        latest.dropped = self.shared.fate.dropped.load(Ordering::Relaxed);
         latest
     }
 
@@ -199,7 +154,7 @@ impl Recorder {
         let (sender, notes) = mpsc::channel();
         let shared = Arc::new(Shared::default());
         lock(&shared.latest).rotor_count = params.rotor_count;
-        let (feed, ticks) = Feed::of(Arc::clone(&shared));
+        let (feed, ticks) = Feed::of(Arc::clone(&shared.fate));
         let worker = Worker {
             black_box: BlackBox::new(epoch, params.rotor_count, params.attachments.clone()),
             params,
@@ -327,7 +282,7 @@ impl Worker {
     /// The flight goes on without a log; the loop is told, and people at the end.
     fn lose(&mut self, e: &McapError) {
         self.log = None;
-        self.shared.lost.store(true, Ordering::Relaxed);
+        self.shared.fate.lost.store(true, Ordering::Relaxed);
         lock(&self.shared.latest).error.get_or_insert_with(|| root(e).to_string());
     }
 }

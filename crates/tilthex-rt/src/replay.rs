@@ -3,14 +3,16 @@
 use std::{collections::VecDeque, path::Path};
 
 use prost::{Message, Name};
+use tilthex_config::{
+    Config,
+    orders::{self, Orders},
+};
 use tilthex_core::{PoseSample, flight::HostFacts};
 use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
 
 use crate::{
     Failure,
-    config::Config,
     log::{Channel, LogReader, TickMessages, convert::pose_from, messages as m},
-    orders::{self, Orders},
 };
 
 /// What a replay found.

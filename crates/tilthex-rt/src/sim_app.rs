@@ -10,17 +10,15 @@ use std::{
 
 use clap::Parser;
 
+use tilthex_config::{Config, TruthSection, VehicleSection};
+use tilthex_mocap::net::{LineParams, MocapUri};
+use tilthex_sim::{Body, Pushes, STEP, Simulation, SimulationParams};
+
 use crate::{
-    Failure,
-    config::{Config, TruthSection, VehicleSection},
-    failure,
-    mocap::{LineParams, MocapUri},
+    Failure, failure,
     output::say,
     signals,
-    sim::{
-        Body, CAPTURE_EVERY, Capture, Pushes, STEP, Server, Simulation, SimulationParams, World,
-        world::WorldParams,
-    },
+    sim::{CAPTURE_EVERY, Capture, Server, World, world::WorldParams},
 };
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.

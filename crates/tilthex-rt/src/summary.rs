@@ -5,11 +5,9 @@ use tilthex_core::{
     supervisor::{FaultSet, Phase},
 };
 
-use crate::{
-    histogram::{Histogram, Quantiles},
-    log::Tick,
-    sim::Truth,
-};
+use tilthex_sim::{Truth, feed::Tick};
+
+use crate::histogram::{Histogram, Quantiles};
 
 /// A steady push is judged by the mean over its last second.
 const SETTLED: f64 = 1.0;

@@ -10,13 +10,16 @@ use std::{
 use mcap::{Compression, WriteOptions, records::MessageHeader};
 use proptest::prelude::*;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
+use tilthex_config::Config;
 use tilthex_link::LinkedFlight;
 use tilthex_rt::{
-    campaign::World,
-    config::Config,
-    log::{Attachments, Epoch, FlightLog, Index, LogFile, LogReader, Tick, Timing, Whereabouts},
+    log::{Attachments, Epoch, FlightLog, Index, LogFile, LogReader, Whereabouts},
     replay,
-    sim::{Simulation, SimulationParams},
+};
+use tilthex_sim::{
+    Simulation, SimulationParams,
+    campaign::World,
+    feed::{Tick, Timing},
 };
 
 /// The log of the first seconds of a flight.

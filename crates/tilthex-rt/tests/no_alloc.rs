@@ -10,18 +10,21 @@ use std::{
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rtrb::RingBuffer;
+use tilthex_config::{Config, orders::Orders};
 use tilthex_link::LinkedFlight;
+use tilthex_mocap::{
+    ClientParams,
+    net::{Client, LineParams},
+};
 use tilthex_rt::{
-    config::Config,
     control_loop::{ControlLoop, End, LoopParams},
     log::{Attachments, LogFile},
-    mocap::{Client, ClientParams, LineParams},
-    orders::Orders,
     port::Port,
     realtime::LOOP_STACK,
     recorder::{Recorder, RecorderParams},
-    sim::{CAPTURE_EVERY, Capture, Server, Simulation, SimulationParams},
+    sim::{CAPTURE_EVERY, Capture, Server},
 };
+use tilthex_sim::{Simulation, SimulationParams};
 
 #[global_allocator]
 static ALLOCATOR: AllocDisabler = AllocDisabler;

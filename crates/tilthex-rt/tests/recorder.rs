@@ -14,9 +14,10 @@ use tilthex_core::{
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_rt::{
-    log::{Attachments, LogFile, Tick, messages},
+    log::{Attachments, LogFile, messages},
     recorder::{Recorder, RecorderParams},
 };
+use tilthex_sim::feed::Tick;
 
 fn params(directory: &Path, log: &Path) -> RecorderParams {
     let file = File::create(log).expect("opens");

@@ -2,15 +2,20 @@
 
 use std::path::Path;
 
+use tilthex_config::{
+    Config,
+    orders::{self, Orders},
+};
 use tilthex_core::supervisor::Phase;
 use tilthex_link::LinkedFlight;
 use tilthex_rt::{
-    campaign::{Injection, Kind, World},
-    config::Config,
-    log::{Attachments, Epoch, FlightLog, Index, LogReader, Tick, Timing},
-    orders::{self, Orders},
+    log::{Attachments, Epoch, FlightLog, Index, LogReader},
     replay,
-    sim::{Simulation, SimulationParams},
+};
+use tilthex_sim::{
+    Simulation, SimulationParams,
+    campaign::{Injection, Kind, World},
+    feed::{Tick, Timing},
 };
 
 const TRAJECTORY: &str =

@@ -6,10 +6,8 @@ use tilthex_core::{
     vehicle::{Mounting, TiltedHexarotor},
 };
 use tilthex_link::tk3::{HostMessage, ImuScales, MAX_FRAME, MotorValues, Receiver, Stream, VehicleMessage};
-use tilthex_rt::{
-    port::Port,
-    sim::{Server, Simulation, SimulationParams},
-};
+use tilthex_rt::{port::Port, sim::Server};
+use tilthex_sim::{Simulation, SimulationParams};
 
 fn vehicle() -> Vehicle {
     let rotors = TiltedHexarotor {

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from tilthex.experiments.spec import Experiment, Run
 
 NEEDED = {"mujoco": "MuJoCo", "scipy": "SciPy", "matplotlib": "Matplotlib", "tqdm": "tqdm"}
+_BAR: dict[str, Any] = {"file": sys.stderr, "leave": False, "disable": None}
+"""Progress is for a terminal: into a file or a pipe it writes nothing."""
 WIRE_NEEDED = {"mcap": "mcap", "mcap_protobuf": "mcap-protobuf-support"}
 
 
@@ -122,9 +124,11 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     judged = judge.of(experiment.kind)
     flights, checks, notes = [], [], []
     arguments.out.mkdir(parents=True, exist_ok=True)
-    suffix = "-wire" if arguments.wire else ""
+    # Two files of one kind of experiment leave files of their own.
+    page_name = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
+    page_name += "-wire" if arguments.wire else ""
     for one in runs:
-        stem = f"{experiment.kind}{suffix}-{_slug(one.name)}"
+        stem = f"{page_name}-{report.slug(one.name)}"
         fly = _through_the_wire if arguments.wire else _in_this_process
         record, said = fly(one, arguments, stem)
         flights.append((one, record))
@@ -136,10 +140,9 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
 
             render(one, record, arguments.out / f"{stem}.gif")
     figures = judged.figures(flights)
-    stem = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
     page = report.write(
         arguments.out,
-        stem + suffix,
+        page_name,
         experiment.title + (", in real time through the wire" if arguments.wire else ""),
         experiment.about,
         checks,
@@ -159,7 +162,7 @@ def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tupl
     from tilthex.experiments.flight import fly
     from tilthex.experiments.plan import periods
 
-    with tqdm(total=periods(one), desc=one.name, unit="tick", file=sys.stderr, leave=False) as bar:
+    with tqdm(total=periods(one), desc=one.name, unit="tick", **_BAR) as bar:
         record = fly(one, exact=arguments.state == "exact", progress=bar.update)
     length = record.time[-1]
     speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
@@ -173,7 +176,7 @@ def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tup
 
     files = wire.Files.beside(arguments.out / stem)
     shape = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s"
-    with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, file=sys.stderr, leave=False) as bar:
+    with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, **_BAR) as bar:
         said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
     record, notes = wire_record.read(one, wire.route(one), files)
     return record, "; ".join(notes + said)
@@ -190,7 +193,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
     arguments.out.mkdir(parents=True, exist_ok=True)
     # Written after every case, so that a campaign that is interrupted leaves what it has.
     table = arguments.out / f"{experiment.kind}-random.csv"
-    with tqdm(total=arguments.random, unit="case", file=sys.stderr) as bar:
+    with tqdm(total=arguments.random, unit="case", **_BAR) as bar:
         exact = arguments.state == "exact"
         for one in campaign.fly_all(base, base.seed, arguments.random, exact=exact, jobs=arguments.jobs):
             found.append(one)
@@ -229,10 +232,6 @@ def _truths(runs: Sequence[Run]) -> list[str]:
 def _only_peg(experiment: Experiment) -> None:
     if experiment.kind != "peg-in-hole":
         raise ValueError(f"--random draws cases of peg-in-hole only, not of {experiment.kind}")
-
-
-def _slug(name: str) -> str:
-    return "".join(c if c.isalnum() or c == "." else "-" for c in name).strip("-")
 
 
 def _command(arguments: Sequence[str] | None = None) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import platform
+import re
 import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -122,6 +123,11 @@ def commit() -> str:
     return f"{__version__} ({found})" if found else __version__
 
 
+def slug(name: str) -> str:
+    """A name for files, without blanks and signs that a shell reads."""
+    return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-")
+
+
 def write(
     out: Path,
     name: str,
@@ -140,7 +146,7 @@ def write(
     parts += [table(checks)]
     parts += [f"<p>{note}</p>" for note in notes]
     for key, figure in figures.items():
-        path = out / f"{name}-{key}.png"
+        path = out / f"{name}-{slug(key)}.png"
         figure.savefig(path, dpi=110)
         plt.close(figure)
         image = base64.b64encode(path.read_bytes()).decode()

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import tilthex
+from tilthex.experiments import ranges
 from tilthex.experiments.scenes import SCENES, Scene
 from tilthex.experiments.world import Noise
 
@@ -232,6 +233,7 @@ def _place(name: str, folder: Path) -> str:
 
 
 def _run(kind: str, table: Table) -> Run:
+    ranges.check(table)
     trajectory = table.get("trajectory", {})
     _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint"})
     waypoints = []

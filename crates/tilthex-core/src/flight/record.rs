@@ -64,6 +64,8 @@ pub struct Record {
     pub faults: FaultSet,
     /// Estimated pose and twist of the robot.
     pub state: RobotState,
+    /// When they held: the time of the newest inertial sample, s, as of `input.time`.
+    pub state_time: f64,
     /// Estimated gyroscope bias, rad/s, IMU axes.
     pub gyro_bias_i: Vector3,
     /// Estimated accelerometer bias, m/s^2, IMU axes.
@@ -136,6 +138,7 @@ impl Default for Record {
             phase: Phase::Disarmed,
             faults: FaultSet::NONE,
             state: RobotState::at_rest(zero),
+            state_time: 0.0,
             gyro_bias_i: zero,
             accelerometer_bias_i: zero,
             deviation: [0.0; 3],
@@ -183,6 +186,7 @@ impl Flight {
         record.faults = self.supervisor.active();
         let estimator = &self.estimator;
         record.state = self.robot_state();
+        record.state_time = if input.known.is_some() { input.time } else { estimator.time() };
         record.gyro_bias_i = estimator.gyro_bias();
         record.accelerometer_bias_i = estimator.accelerometer_bias();
         record.specific_force_r = self.specific_force_r();

@@ -3,12 +3,12 @@
 //! `docs/protocols.md` describes without ever waiting.
 
 use super::{
-    HostMessage, Identity, MotorFrame, MotorState, MotorValues, Receiver, Stream, VehicleMessage,
-    imu_stream::ImuStream, scan::Scan,
+    Frame, HostMessage, Identity, ImuFrame, MotorFrame, MotorState, MotorValues, Receiver, Stream,
+    VehicleMessage, imu_stream::ImuStream, scan::Scan,
 };
 use crate::{
-    Awaited, Gate, GateCounters, GateParams, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink,
-    Verdict,
+    Awaited, FrameLengths, Gate, GateCounters, GateParams, InertialDue, LinkParams, Outgoing, Severity, Text,
+    VehicleLink, Verdict,
 };
 use tilthex_core::{
     Error,
@@ -261,6 +261,20 @@ impl VehicleLink for Host {
             MotorCommand::Turn(speeds) => self.send_speeds(speeds, out),
         }
         self.talk(now, out);
+    }
+
+    fn frames(&self) -> FrameLengths {
+        // The two marks; what is escaped comes on top.
+        let length = |frame: Frame| frame.body().len() as u16 + 2;
+        let imu = VehicleMessage::Imu(ImuFrame { temperature: Some(0), ..ImuFrame::default() });
+        let speeds = [0; MAX_ROTORS];
+        let speeds = MotorValues::new(speeds.get(..self.rotor_count).unwrap_or(&[]));
+        FrameLengths {
+            inertial: length(imu.frame()),
+            motor: length(VehicleMessage::Motor(MotorFrame::default()).frame()),
+            battery: length(VehicleMessage::Battery { sequence: 0, millivolts: 0 }.frame()),
+            command: speeds.map_or(0, |speeds| length(HostMessage::Speeds(speeds).frame())),
+        }
     }
 
     fn refused(&self) -> bool {

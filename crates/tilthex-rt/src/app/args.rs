@@ -4,13 +4,10 @@ use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
 
-use crate::{
-    Failure,
-    campaign::Kind,
-    config::{Config, VehicleSection},
-    control_socket::DEFAULT_ADDRESS,
-    realtime::Demand,
-};
+use tilthex_config::{Config, VehicleSection};
+use tilthex_sim::campaign::Kind;
+
+use crate::{Failure, control_socket::DEFAULT_ADDRESS, realtime::Demand};
 
 /// Flies a fully actuated multirotor as an end-effector.
 ///

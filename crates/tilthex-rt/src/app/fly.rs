@@ -7,25 +7,31 @@ use std::{
 };
 
 use rtrb::{Consumer, RingBuffer};
+use tilthex_config::{
+    Config, TruthSection,
+    orders::{self, Orders},
+};
 use tilthex_core::{PoseSample, flight::Command};
 use tilthex_link::LinkedFlight;
+use tilthex_mocap::{
+    ClientParams,
+    net::{Client, LineParams, MocapUri},
+};
+use tilthex_sim::{Pushes, Simulation, SimulationParams};
 
 use super::{Args, report, status};
 use crate::{
     Failure,
-    config::{Config, TruthSection},
     control_loop::{ControlLoop, End, LoopParams},
     control_socket::{ControlSocket, Dispatcher},
     log::{Attachments, LogFile},
-    mocap::{Client, ClientParams, LineParams, MocapUri},
-    orders::{self, Orders},
     output::{self, say},
     port::Port,
     realtime,
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Pushes, Server, Simulation, SimulationParams},
+    sim::{CAPTURE_EVERY, Capture, Server},
 };
 
 /// From the exposure of a simulated camera to its frame on the network, s.

@@ -7,10 +7,11 @@ mod status;
 
 pub use args::Args;
 
+use tilthex_config::{Config, TruthSection};
+use tilthex_sim::campaign::{self, Kind};
+
 use crate::{
     Failure,
-    campaign::{self, Kind},
-    config::{Config, TruthSection},
     doctor::{self, Verdict},
     failure, output, replay,
 };

@@ -8,9 +8,11 @@ use tilthex_core::{
     supervisor::{Fault, TABLE},
 };
 
+use tilthex_config::Config;
+
 use crate::{
-    Failure, Kind, config::Config, control_loop::End, log::fault_names, output::say, recorder::Recorded,
-    reference::Slept, sim::Report, summary::Deflection,
+    Failure, Kind, control_loop::End, log::fault_names, output::say, recorder::Recorded, reference::Slept,
+    sim::Report, summary::Deflection,
 };
 
 /// Prints the figures of a flight.

@@ -5,10 +5,10 @@ use std::{fs::File, io::BufWriter};
 use mcap::{Compression, McapError, MessageStream, WriteOptions};
 
 use super::{
-    flight_log::{Attachments, CONFIG, Epoch, FlightLog, Tick},
+    flight_log::{Attachments, CONFIG, Epoch, FlightLog},
     writer::Index,
 };
-use crate::sim::Truth;
+use tilthex_sim::{Truth, feed::Tick};
 
 /// What is kept at least, s.
 pub(super) const KEPT: f64 = 10.0;

@@ -7,7 +7,7 @@ use tilthex_core::{
 use tilthex_link::{Severity, Wire};
 
 use super::messages::{self as m, foxglove};
-use crate::sim::Truth;
+use tilthex_sim::Truth;
 
 pub(super) fn vector(v: &Vector3) -> Option<m::Vector3> {
     Some(m::Vector3 { x: v.x, y: v.y, z: v.z })
@@ -114,6 +114,7 @@ impl TickMessages {
                 rotation_deviation,
                 innovation: r.innovation,
                 pose_age: r.pose_age,
+                time: r.state_time,
             },
             setpoint: target(&r.setpoint),
             reference: target(&r.reference),
@@ -185,10 +186,10 @@ impl TickMessages {
     }
 }
 
-/// The truth of the simulated vehicle.
-pub(super) fn truth(t: &Truth, rotor_count: usize) -> m::Truth {
+/// The truth of the simulated vehicle at a monotonic time, s.
+pub(super) fn truth(time: f64, t: &Truth, rotor_count: usize) -> m::Truth {
     m::Truth {
-        time: t.time,
+        time,
         position_w: vector(&t.robot.position_w),
         velocity_w: vector(&t.robot.velocity_w),
         orientation: quaternion(&t.robot.rotation_wr),

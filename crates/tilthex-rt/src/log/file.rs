@@ -12,7 +12,9 @@ use rustix::{
     io::Errno,
 };
 
-use crate::{Failure, config::files};
+use tilthex_config::files;
+
+use crate::Failure;
 
 /// Names that are tried for a report beside those that are there.
 const MAX_REPORTS: u32 = 10_000;

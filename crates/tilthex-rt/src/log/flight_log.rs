@@ -3,59 +3,17 @@
 use std::io::Write;
 
 use mcap::McapError;
-use tilthex_core::{
-    flight::Record,
-    supervisor::{FaultSet, Phase, TABLE},
-};
-use tilthex_link::{LinkedOutput, Wire};
+use tilthex_core::supervisor::{FaultSet, Phase, TABLE};
 
 use super::{
     convert::{self, TickMessages},
     messages::{self as m, foxglove},
     writer::{Index, LogWriter, Stamp, Topic},
 };
-use crate::sim::Truth;
+use tilthex_sim::{Truth, feed::Tick};
 
 /// Frames for 3D viewers are logged every so many ticks.
 const TRANSFORM_EVERY: u64 = 5;
-
-/// How punctual a tick was, ns.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Timing {
-    /// Begin after the deadline.
-    pub wake_latency: u64,
-    /// Begin to the end of the write.
-    pub compute: u64,
-    /// Since the last begin.
-    pub period: u64,
-    /// Whole periods skipped before this tick.
-    pub skipped: u64,
-    /// The IMU's bytes found to the command written; 0 where none came.
-    pub imu_to_command: u64,
-    /// Looks at the port before the IMU's bytes were there.
-    pub polls: u32,
-    /// Writes that the line did not take whole, total.
-    pub short_writes: u64,
-}
-
-/// What the loop hands to the recorder.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Tick {
-    /// What the flight took in and did.
-    pub record: Record,
-    /// The bytes of its link.
-    pub wire: Wire,
-    /// How punctual it was.
-    pub timing: Timing,
-}
-
-impl Tick {
-    /// The tick that gave `out`.
-    #[must_use]
-    pub fn new(out: &LinkedOutput, timing: Timing) -> Self {
-        Self { record: out.commanded.record, wire: out.wire, timing }
-    }
-}
 
 /// From the monotonic clock to time since 1970.
 #[derive(Clone, Copy, Debug)]
@@ -257,7 +215,7 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        let message = convert::truth(truth, self.rotor_count);
+        let message = convert::truth(time, truth, self.rotor_count);
         self.log.put(self.topics.truth, Stamp { publish: at, log: at }, &message)
     }
 

@@ -14,7 +14,7 @@ mod writer;
 pub use black_box::BlackBox;
 pub use convert::TickMessages;
 pub use file::{LogFile, Whereabouts};
-pub use flight_log::{Attachments, Epoch, FlightLog, Tick, Timing, fault_names};
+pub use flight_log::{Attachments, Epoch, FlightLog, fault_names};
 pub use reader::LogReader;
 pub use scan::{Channel, Cut};
 pub use writer::{Index, LogWriter, Stamp, Topic};

@@ -48,7 +48,7 @@ impl LogReader {
     pub fn open(path: &Path) -> Result<Self, String> {
         let read = || {
             let mut bytes = Vec::new();
-            crate::config::files::open(path).and_then(|mut file: File| file.read_to_end(&mut bytes))?;
+            tilthex_config::files::open(path).and_then(|mut file: File| file.read_to_end(&mut bytes))?;
             Ok(bytes)
         };
         let bytes = read().map_err(|e: std::io::Error| format!("cannot be read: {e}"))?;

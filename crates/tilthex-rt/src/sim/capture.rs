@@ -2,17 +2,16 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 
-use tilthex_core::mocap::UpAxis;
-
-use super::{Body, STEP, Simulation};
-use crate::{
-    Failure,
-    mocap::{
+use tilthex_mocap::{
+    UpAxis,
+    net::{
         LineParams, MocapUri, NatNetServer, NatNetServerParams, Protocol, Publication, VrpnServer,
         VrpnServerParams,
     },
-    sleeper::Nanos,
 };
+use tilthex_sim::{Body, STEP, Simulation};
+
+use crate::{Failure, sleeper::Nanos};
 
 /// Poses a second.
 pub const CAPTURE_RATE: u64 = 100;

@@ -16,7 +16,8 @@ use rustix::{
     time::Timespec,
 };
 
-use super::{Body, Own, STEP, Simulation};
+use tilthex_sim::{Body, Own, STEP, Simulation};
+
 use crate::{
     Failure,
     histogram::{Histogram, Quantiles},
@@ -151,7 +152,7 @@ impl<B: Body> Worker<B> {
         Report {
             imu_to_command: self.latency.quantiles(),
             lag: self.lag.quantiles(),
-            failure: self.simulation.finish().err(),
+            failure: self.simulation.finish().err().map(Failure::from),
         }
     }
 

@@ -21,9 +21,9 @@ use tilthex_core::{
     plant::{ImuSample, PlantState},
 };
 
-use super::body::{Body, Cycle};
-use crate::{Failure, sleeper::Nanos};
+use crate::sleeper::Nanos;
 use record::{GREETING, Greeting, STATE, State};
+use tilthex_sim::{Body, SimError, body::Cycle};
 
 /// The module that Python runs.
 const MODULE: &str = "tilthex.experiments.world_process";
@@ -57,7 +57,7 @@ pub struct World {
     vehicle: Vehicle,
     start: Vector3,
     state: State,
-    failure: Option<Failure>,
+    failure: Option<SimError>,
 }
 
 impl World {
@@ -65,7 +65,7 @@ impl World {
     ///
     /// # Errors
     /// One sentence: no Python, no MuJoCo, no such experiment, another vehicle.
-    pub fn start(params: &WorldParams, vehicle: Vehicle) -> Result<Self, Failure> {
+    pub fn start(params: &WorldParams, vehicle: Vehicle) -> Result<Self, SimError> {
         let python = python();
         let mut command = Command::new(&python);
         command.args(["-m", MODULE, &params.experiment]);
@@ -87,7 +87,7 @@ impl World {
     ///
     /// # Errors
     /// As [`Self::start`].
-    pub fn from_command(command: Command, vehicle: Vehicle) -> Result<Self, Failure> {
+    pub fn from_command(command: Command, vehicle: Vehicle) -> Result<Self, SimError> {
         let mut process = Process::start(command)?;
         let bytes = process.read::<GREETING>(BEGIN)?;
         let greeting = record::greeting(&bytes).map_err(|what| process.rubbish(&what))?;
@@ -95,7 +95,7 @@ impl World {
         let state = record::state(&bytes, 0).map_err(|what| process.rubbish(&what))?;
         let (rotors, mass) = (vehicle.rotor_count(), vehicle.mass());
         if greeting.rotor_count != rotors || (greeting.mass - mass).abs() > 1e-9 {
-            return Err(Failure::usage(format!(
+            return Err(SimError::refused(format!(
                 "the world's vehicle has {} rotors and {} kg, the configuration's {rotors} rotors and {mass} kg; name \
                  the experiment's own vehicle with --config",
                 greeting.rotor_count, greeting.mass
@@ -112,7 +112,7 @@ impl World {
         &self.greeting
     }
 
-    fn ask(&mut self, at: Nanos, commands: &RotorVector) -> Result<State, Failure> {
+    fn ask(&mut self, at: Nanos, commands: &RotorVector) -> Result<State, SimError> {
         self.process.write(&record::request(at, commands))?;
         let bytes = self.process.read::<STATE>(ANSWER)?;
         record::state(&bytes, at).map_err(|what| self.process.rubbish(&what))
@@ -159,7 +159,7 @@ impl Body for World {
         self.failure.is_some()
     }
 
-    fn finish(&mut self) -> Result<(), Failure> {
+    fn finish(&mut self) -> Result<(), SimError> {
         match self.failure.take() {
             Some(failure) => Err(failure),
             None => self.process.end(),
@@ -186,17 +186,17 @@ struct Process {
 }
 
 impl Process {
-    fn start(mut command: Command) -> Result<Self, Failure> {
+    fn start(mut command: Command) -> Result<Self, SimError> {
         let name = command.get_program().to_string_lossy().into_owned();
         let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = pipes.spawn().map_err(|e| {
-            Failure::usage(format!(
+            SimError::refused(format!(
                 "the world needs {name}, which can not be started: {e}; install Python, then \
                  pip install 'tilthex[experiments]'"
             ))
         })?;
         let (Some(output), Some(errors)) = (child.stdout.take(), child.stderr.take()) else {
-            return Err(Failure::usage(format!("the world's process {name} has no pipes")));
+            return Err(SimError::refused(format!("the world's process {name} has no pipes")));
         };
         let said = thread::spawn(move || {
             let lines = BufReader::new(errors).lines().map_while(Result::ok);
@@ -205,12 +205,12 @@ impl Process {
         Ok(Self { name, input: child.stdin.take(), child, output, said: Some(said), begun: false })
     }
 
-    fn write(&mut self, bytes: &[u8]) -> Result<(), Failure> {
+    fn write(&mut self, bytes: &[u8]) -> Result<(), SimError> {
         let written = self.input.as_mut().map(|input| input.write_all(bytes));
         if let Some(Ok(())) = written { Ok(()) } else { Err(self.died()) }
     }
 
-    fn read<const N: usize>(&mut self, patience: Duration) -> Result<[u8; N], Failure> {
+    fn read<const N: usize>(&mut self, patience: Duration) -> Result<[u8; N], SimError> {
         let (mut bytes, mut read) = ([0; N], 0);
         let until = Instant::now() + patience;
         while read < N {
@@ -218,7 +218,7 @@ impl Process {
             let timeout = Timespec { tv_sec: left.as_secs() as _, tv_nsec: left.subsec_nanos().into() };
             let ready = poll(&mut [PollFd::new(&self.output, PollFlags::IN)], Some(&timeout));
             if left.is_zero() {
-                return Err(Failure::link(format!(
+                return Err(SimError::world(format!(
                     "the world said nothing for {} s ({}); look at the load of this machine",
                     patience.as_secs(),
                     self.name
@@ -236,8 +236,8 @@ impl Process {
     }
 
     /// What a record that is none means.
-    fn rubbish(&self, what: &str) -> Failure {
-        Failure::link(format!(
+    fn rubbish(&self, what: &str) -> SimError {
+        SimError::world(format!(
             "the world's answer is none: {what}; expected the records of {MODULE} of this version: install tilthex \
              anew for {}",
             self.name
@@ -245,30 +245,30 @@ impl Process {
     }
 
     /// What the end of the process means; its own words say why.
-    fn died(&mut self) -> Failure {
+    fn died(&mut self) -> SimError {
         match self.closed() {
-            Some((status, said)) if status.code() == Some(2) => Failure::usage(said),
-            Some((status, said)) if self.begun => Failure::link(format!(
+            Some((status, said)) if status.code() == Some(2) => SimError::refused(said),
+            Some((status, said)) if self.begun => SimError::world(format!(
                 "the world's process {} ended by itself ({status}): {said}; start anew",
                 self.name
             )),
-            Some((status, said)) => Failure::usage(format!(
+            Some((status, said)) => SimError::refused(format!(
                 "the world's process {} did not begin ({status}): {said}; pip install 'tilthex[experiments]' \
                  installs what it needs",
                 self.name
             )),
-            None => Failure::link(format!("the world ({}) closed its pipes and does not end", self.name)),
+            None => SimError::world(format!("the world ({}) closed its pipes and does not end", self.name)),
         }
     }
 
     /// Closes its input, which ends it.
-    fn end(&mut self) -> Result<(), Failure> {
+    fn end(&mut self) -> Result<(), SimError> {
         match self.closed() {
             Some((status, _)) if status.success() => Ok(()),
             Some((status, said)) => {
-                Err(Failure::link(format!("the world's process did not end well ({status}): {said}")))
+                Err(SimError::world(format!("the world's process did not end well ({status}): {said}")))
             }
-            None => Err(Failure::link(format!(
+            None => Err(SimError::world(format!(
                 "the world did not end within {} s and was killed; its truth is lost",
                 END.as_secs()
             ))),

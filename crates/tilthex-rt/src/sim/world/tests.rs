@@ -1,13 +1,14 @@
 //! A shell plays the world's process.
 
 use super::*;
-use crate::config::VehicleSection;
+use crate::Failure;
+use tilthex_config::VehicleSection;
 
 fn world(script: &str) -> Result<World, Failure> {
     let mut command = Command::new("sh");
     command.args(["-c", script]);
     let vehicle = VehicleSection::preset("tilt-hex").expect("a preset");
-    World::from_command(command, *vehicle.vehicle())
+    World::from_command(command, *vehicle.vehicle()).map_err(Failure::from)
 }
 
 /// A greeting and a first state, as octal escapes of printf.
@@ -45,7 +46,7 @@ fn what_keeps_it_from_beginning_is_said_once() {
         Command::new("/no/such/python"),
         *VehicleSection::preset("tilt-hex").expect("a preset").vehicle(),
     );
-    let refused = missing.map(|_| ()).expect_err("refused");
+    let refused = Failure::from(missing.map(|_| ()).expect_err("refused"));
     assert_eq!(refused.exit_status(), 2);
     assert!(refused.message.contains("/no/such/python"), "{refused}");
 }
@@ -74,7 +75,7 @@ fn one_that_dies_in_flight_fails_and_keeps_its_last_state() {
     let before = *world.state();
     step(&mut world);
     assert_eq!(*world.state(), before);
-    let failure = world.finish().expect_err("it died");
+    let failure = Failure::from(world.finish().expect_err("it died"));
     assert_eq!(failure.exit_status(), 3);
     assert!(failure.message.contains("why") && failure.message.contains('7'), "{failure}");
 }
@@ -85,7 +86,7 @@ fn an_answer_to_another_question_is_none() {
     let mut world = world(&script).expect("begins");
     step(&mut world);
     let failure = world.finish().expect_err("rubbish");
-    assert!(failure.message.contains("asked for was 1000000 ns"), "{failure}");
+    assert!(failure.to_string().contains("asked for was 1000000 ns"), "{failure}");
 }
 
 #[test]
@@ -94,5 +95,5 @@ fn the_end_of_its_input_ends_it_and_its_status_counts() {
     assert_eq!(good.finish(), Ok(()));
     let script = format!("{}; cat >/dev/null; echo 'no space left' >&2; exit 1", begins(6.0));
     let mut full = world(&script).expect("begins");
-    assert!(full.finish().expect_err("not written").message.contains("no space left"));
+    assert!(full.finish().expect_err("not written").to_string().contains("no space left"));
 }

@@ -1,0 +1,148 @@
+//! The section of the state estimator.
+
+use super::{
+    section::{ConfigError, Section, section},
+    values::Axes,
+    vehicle::mounting,
+};
+use tilthex_core::{
+    Vehicle,
+    estimator::{Estimator, EstimatorParams, RestParams},
+    ukf::{InitialDeviation, ProcessNoise},
+};
+
+section! {
+    /// The state estimator, an unscented Kalman filter on SO(3) x R^12. Where the IMU
+    /// sits is the vehicle's: imu_position and imu_rotation_deg.
+    pub EstimatorSection as "estimator" {
+        /// Standard deviation of a captured position, m an axis.
+        position_noise: f64 = 0.3e-3,
+        /// Standard deviation of a captured orientation, degrees an axis.
+        rotation_noise_deg: f64 = 0.12,
+        /// White noise of the gyro, rad/s/sqrt(Hz).
+        gyro_noise: f64 = 5e-4,
+        /// White noise of the accelerometer, m/s^2/sqrt(Hz).
+        accelerometer_noise: f64 = 0.01,
+        /// Random walk of the gyro's bias, rad/s/sqrt(s).
+        gyro_bias_walk: f64 = 1e-4,
+        /// Random walk of the accelerometer's bias, m/s^2/sqrt(s).
+        accelerometer_bias_walk: f64 = 1e-3,
+        /// Origin of the captured body, robot frame, m; `tilthex calibrate` finds it.
+        body_position: Axes<3> = Axes([0.0; 3]),
+        /// Captured body to robot frame: roll, pitch, yaw, degrees (yaw first).
+        body_rotation_deg: Axes<3> = Axes([0.0; 3]),
+        /// Probability with which a good pose passes the gate.
+        gate_probability: f64 = 0.9999,
+        /// Time over which late poses are applied, s.
+        history: f64 = 0.3,
+        /// Constant latency taken off every pose's time, s; for capture systems that stamp on arrival.
+        /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
+        latency: f64 = 0.0,
+        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
+        reacquire_after: f64 = 0.3,
+        /// Age of the newest accepted pose from which on the state counts as coasting, s.
+        coast_after: f64 = 0.1,
+        /// Deviation of the position from which on the state counts as lost, m.
+        lost_position: f64 = 0.3,
+        /// Deviation of the rotation from which on the state counts as lost, degrees.
+        lost_rotation_deg: f64 = 12.0,
+        /// Cut-off of the angular acceleration that corrects the IMU's lever arm, Hz.
+        angular_acceleration_hz: f64 = 20.0,
+        /// Deviation of the first position, m an axis.
+        initial_position: f64 = 0.01,
+        /// Deviation of the first velocity, m/s an axis.
+        initial_velocity: f64 = 0.1,
+        /// Deviation of the first rotation, degrees an axis.
+        initial_rotation_deg: f64 = 1.0,
+        /// Deviation of the gyro's bias without a start at rest, rad/s an axis.
+        initial_gyro_bias: f64 = 0.02,
+        /// Deviation of the accelerometer's bias without a start at rest, m/s^2 an axis.
+        initial_accelerometer_bias: f64 = 0.2,
+        /// Time over which rest is judged, s.
+        rest_duration: f64 = 1.0,
+        /// Largest standard deviation of a gyro axis at rest, rad/s.
+        rest_gyro_deviation: f64 = 0.05,
+        /// Largest standard deviation of an accelerometer axis at rest, m/s^2.
+        rest_accelerometer_deviation: f64 = 0.5,
+        /// Largest bias of the gyro at rest, rad/s.
+        rest_gyro_bias: f64 = 0.1,
+        /// Largest distance of the specific force at rest from 9.81 m/s^2.
+        rest_accelerometer_bias: f64 = 0.6,
+    }
+}
+
+impl EstimatorSection {
+    /// The estimator's parameters on a vehicle.
+    ///
+    /// # Errors
+    /// One sentence with the section and the parameter.
+    pub fn params(&self, vehicle: &Vehicle) -> Result<EstimatorParams, ConfigError> {
+        let body = mounting(&self.body_position, &self.body_rotation_deg);
+        let params = EstimatorParams {
+            process: ProcessNoise {
+                gyro: self.gyro_noise,
+                accelerometer: self.accelerometer_noise,
+                gyro_bias: self.gyro_bias_walk,
+                accelerometer_bias: self.accelerometer_bias_walk,
+            },
+            position_noise: self.position_noise,
+            rotation_noise: self.rotation_noise_deg.to_radians(),
+            imu_position_r: vehicle.imu().position_r,
+            imu_rotation_ri: vehicle.imu().rotation_r,
+            body_position_r: body.position_r,
+            body_rotation_rc: body.rotation_r,
+            gate_probability: self.gate_probability,
+            history: self.history,
+            latency: self.latency,
+            reacquire_after: self.reacquire_after,
+            coast_after: self.coast_after,
+            lost_position: self.lost_position,
+            lost_rotation: self.lost_rotation_deg.to_radians(),
+            angular_acceleration_hz: self.angular_acceleration_hz,
+            initial: InitialDeviation {
+                position: self.initial_position,
+                velocity: self.initial_velocity,
+                rotation: self.initial_rotation_deg.to_radians(),
+                gyro_bias: self.initial_gyro_bias,
+                accelerometer_bias: self.initial_accelerometer_bias,
+            },
+            rest: RestParams {
+                duration: self.rest_duration,
+                gyro_deviation: self.rest_gyro_deviation,
+                accelerometer_deviation: self.rest_accelerometer_deviation,
+                gyro_bias: self.rest_gyro_bias,
+                accelerometer_bias: self.rest_accelerometer_bias,
+            },
+        };
+        match Estimator::new(params) {
+            Ok(_) => Ok(params),
+            Err(error) => Err(ConfigError::from(error).within(format_args!("[{}]", Self::NAME))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::VehicleSection;
+
+    #[test]
+    fn defaults_are_the_cores() {
+        let vehicle = VehicleSection::preset("tilt-hex").expect("a preset");
+        let params = EstimatorSection::default().params(vehicle.vehicle()).expect("valid");
+        let expected = EstimatorParams {
+            imu_position_r: vehicle.vehicle().imu().position_r,
+            imu_rotation_ri: vehicle.vehicle().imu().rotation_r,
+            ..EstimatorParams::default()
+        };
+        assert_eq!(params, expected);
+    }
+
+    #[test]
+    fn refuses_with_section_and_name() {
+        let vehicle = VehicleSection::preset("tilt-hex").expect("a preset");
+        let section = EstimatorSection { gate_probability: 1.5, ..EstimatorSection::default() };
+        let error = section.params(vehicle.vehicle()).expect_err("refused").to_string();
+        assert!(error.starts_with("[estimator]: gate_probability is 1.5; expected"), "{error}");
+    }
+}

@@ -1,0 +1,236 @@
+//! Configuration: one TOML file describes one set-up.
+//!
+//! Each section is declared once, with `section!`, which makes its struct, its
+//! defaults, its list of keys and the comments of the printed file. To add a
+//! key, add a line to its section.
+
+mod control;
+mod estimator;
+pub mod files;
+mod flight;
+pub mod orders;
+mod plausible;
+mod section;
+mod sections;
+mod time_scales;
+pub mod truth;
+mod values;
+mod vehicle;
+
+pub use control::{
+    AdmittanceSection, AllocationSection, AttitudeSection, PoseControlSection, WrenchObserverSection,
+};
+pub use estimator::EstimatorSection;
+pub use section::{ConfigError, Key, Section};
+pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection};
+use std::path::Path;
+use tilthex_core::controller::ControllerParams;
+use toml::{Table, Value};
+pub use truth::{TrueVehicle, TruthSection};
+pub use values::{Axes, Square};
+pub use vehicle::{PRESETS, VehicleSection};
+
+/// A checked set-up.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Config {
+    /// The vehicle.
+    pub vehicle: VehicleSection,
+    /// The pose controller.
+    pub pose_control: PoseControlSection,
+    /// The wrench observer.
+    pub wrench_observer: WrenchObserverSection,
+    /// The admittance filter.
+    pub admittance: AdmittanceSection,
+    /// The allocation.
+    pub allocation: AllocationSection,
+    /// The attitude.
+    pub attitude: AttitudeSection,
+    /// The state estimator.
+    pub estimator: EstimatorSection,
+    /// The link to the vehicle.
+    pub link: LinkSection,
+    /// Motion capture.
+    pub mocap: MocapSection,
+    /// Take-off, hover and landing.
+    pub mission: MissionSection,
+    /// What ends a flight.
+    pub supervisor: SupervisorSection,
+    /// The log.
+    pub log: LogSection,
+    controller: ControllerParams,
+}
+
+/// Applies a macro to every section but the vehicle's.
+macro_rules! each_section {
+    ($apply:ident) => {
+        $apply!(
+            pose_control,
+            wrench_observer,
+            admittance,
+            allocation,
+            attitude,
+            estimator,
+            link,
+            mocap,
+            mission,
+            supervisor,
+            log
+        )
+    };
+}
+
+impl Config {
+    /// The default set-up of a vehicle.
+    ///
+    /// # Panics
+    /// Never: the defaults are accepted for every vehicle (tested).
+    #[must_use]
+    pub fn default_for(vehicle: VehicleSection) -> Self {
+        Self::complete(vehicle, Table::new()).expect("the defaults hold for every vehicle")
+    }
+
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    /// One sentence with the file, the section and the key.
+    pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
+        let folder = path.parent().unwrap_or(Path::new(""));
+        Self::from_text(&read_file(path)?, folder).map_err(|e| e.within(path.display()))
+    }
+
+    /// Reads TOML; files that it names are looked for from `folder`.
+    ///
+    /// # Errors
+    /// One sentence with the section and the key.
+    pub fn from_text(text: &str, folder: &Path) -> Result<Self, ConfigError> {
+        let mut table = parse(text)?;
+        match table.remove("vehicle") {
+            Some(Value::Table(vehicle)) => {
+                Self::complete(VehicleSection::from_table(vehicle, folder)?, table)
+            }
+            _ => Err(ConfigError::new(
+                "no [vehicle] section; expected one, for example with preset = \"tilt-hex\"",
+            )),
+        }
+    }
+
+    /// The same with some keys changed: tables named and keyed as in the file.
+    ///
+    /// # Errors
+    /// As [`Self::from_text`].
+    pub fn overlaid(&self, changes: Table) -> Result<Self, ConfigError> {
+        let mut table = parse(&self.to_toml())?;
+        // Another vehicle replaces this one; keys beside its name are its own.
+        if let Some(Value::Table(vehicle)) = changes.get("vehicle")
+            && (vehicle.contains_key("preset") || vehicle.contains_key("file"))
+        {
+            table.remove("vehicle");
+        }
+        overlay(&mut table, changes);
+        match table.remove("vehicle") {
+            Some(Value::Table(vehicle)) => {
+                Self::complete(VehicleSection::from_table(vehicle, Path::new(""))?, table)
+            }
+            _ => Err(ConfigError::new("vehicle is not a table; expected its keys")),
+        }
+    }
+
+    fn complete(vehicle: VehicleSection, table: Table) -> Result<Self, ConfigError> {
+        macro_rules! names {
+            ($($name:ident),*) => { ["vehicle", $(stringify!($name)),*] };
+        }
+        for name in table.keys() {
+            section::check_known("section", name, each_section!(names))?;
+        }
+        let mut defaults = control::defaults(vehicle.vehicle())?;
+        overlay(&mut defaults, table);
+        let mut table = defaults;
+        let pose_control = section::take(&mut table)?;
+        let wrench_observer = section::take(&mut table)?;
+        let admittance = section::take(&mut table)?;
+        let allocation = section::take(&mut table)?;
+        let attitude = section::take(&mut table)?;
+        let controller = control::controller_params(
+            vehicle.vehicle(),
+            &pose_control,
+            &wrench_observer,
+            &admittance,
+            &allocation,
+            &attitude,
+        )?;
+        let config = Self {
+            vehicle,
+            pose_control,
+            wrench_observer,
+            admittance,
+            allocation,
+            attitude,
+            estimator: section::take(&mut table)?,
+            link: section::take(&mut table)?,
+            mocap: section::take(&mut table)?,
+            mission: section::take(&mut table)?,
+            supervisor: section::take(&mut table)?,
+            log: section::take(&mut table)?,
+            controller,
+        };
+        config.flight_params(false)?;
+        config.check_latency()?;
+        config.check_line(config.link.params()?)?;
+        Ok(config)
+    }
+
+    /// The complete effective set-up as TOML, every key with its meaning and
+    /// unit; reading it gives this again.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut out = String::new();
+        self.vehicle.print(&mut out);
+        macro_rules! print {
+            ($($name:ident),*) => { $( section::print(&self.$name, &mut out); )* };
+        }
+        each_section!(print);
+        out
+    }
+
+    /// The controller's parameters.
+    #[must_use]
+    pub fn controller(&self) -> &ControllerParams {
+        &self.controller
+    }
+
+    /// One sentence for each pair of blocks whose poles are too close, and for numbers that are likely in another unit.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = plausible::questions(self.vehicle.vehicle());
+        warnings.extend(time_scales::warnings(&self.controller));
+        warnings
+    }
+}
+
+fn read_file(path: &Path) -> Result<String, ConfigError> {
+    files::read_text(path)
+        .map_err(|e| ConfigError::new(format!("cannot read the file {}: {e}", path.display())))
+}
+
+/// Parses TOML; an error says the line.
+fn parse(text: &str) -> Result<Table, ConfigError> {
+    text.parse().map_err(|error: toml::de::Error| {
+        let line = error.span().map_or(1, |span| 1 + text[..span.start].matches('\n').count());
+        ConfigError::new(format!("line {line}: {}", section::one_line(error.message())))
+    })
+}
+
+/// Lays `upper` over `base`, table by table.
+fn overlay(base: &mut Table, upper: Table) {
+    for (key, value) in upper {
+        match (base.get_mut(&key), value) {
+            (Some(Value::Table(below)), Value::Table(above)) => overlay(below, above),
+            (_, value) => {
+                base.insert(key, value);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,163 @@
+//! What every section of a configuration shares: declaration, reading with
+//! errors that name the key, and printing with comments.
+
+use serde::{Serialize, de::DeserializeOwned};
+use std::fmt;
+use toml::{Table, Value};
+
+/// What is wrong with a configuration, in one sentence.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ConfigError(String);
+
+impl ConfigError {
+    pub(crate) fn new(sentence: impl Into<String>) -> Self {
+        Self(sentence.into())
+    }
+
+    /// The same, said of a place: a file or a section.
+    pub(crate) fn within(self, place: impl fmt::Display) -> Self {
+        Self(format!("{place}: {}", self.0))
+    }
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for ConfigError {}
+
+impl From<tilthex_core::Error> for ConfigError {
+    fn from(error: tilthex_core::Error) -> Self {
+        Self(error.to_string())
+    }
+}
+
+/// One documented key.
+#[derive(Clone, Copy, Debug)]
+pub struct Key {
+    /// Its name.
+    pub name: &'static str,
+    /// Lines of documentation: meaning and unit.
+    pub doc: &'static [&'static str],
+}
+
+/// A section: a struct whose fields are the keys.
+pub trait Section: Serialize + DeserializeOwned {
+    /// Its name in the file.
+    const NAME: &'static str;
+    /// What it is about.
+    const DOC: &'static [&'static str];
+    /// Its keys, in the order in which they are printed.
+    const KEYS: &'static [Key];
+}
+
+/// Declares a section: struct, defaults, keys and their documentation at once.
+macro_rules! section {
+    (
+        $(#[doc = $doc:literal])*
+        $vis:vis $name:ident as $toml:literal {
+            $( $(#[doc = $key_doc:literal])* $key:ident: $kind:ty = $default:expr, )*
+        }
+    ) => {
+        $(#[doc = $doc])*
+        #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(default, deny_unknown_fields)]
+        $vis struct $name {
+            $( $(#[doc = $key_doc])* pub $key: $kind, )*
+        }
+
+        impl Default for $name {
+            fn default() -> Self {
+                Self { $( $key: $default, )* }
+            }
+        }
+
+        impl $crate::section::Section for $name {
+            const NAME: &'static str = $toml;
+            const DOC: &'static [&'static str] = &[$($doc),*];
+            const KEYS: &'static [$crate::section::Key] = &[
+                $( $crate::section::Key { name: stringify!($key), doc: &[$($key_doc),*] }, )*
+            ];
+        }
+    };
+}
+pub(crate) use section;
+
+/// Refuses a name that is not among `known`, and says which is nearest.
+pub(crate) fn check_known<'a>(
+    what: &str,
+    found: &str,
+    known: impl IntoIterator<Item = &'a str>,
+) -> Result<(), ConfigError> {
+    let mut nearest = None;
+    for name in known {
+        if name == found {
+            return Ok(());
+        }
+        let likeness = strsim::jaro_winkler(name, found);
+        if nearest.is_none_or(|(best, _)| likeness > best) {
+            nearest = Some((likeness, name));
+        }
+    }
+    let hint = nearest.map_or_else(String::new, |(_, name)| format!("; the nearest known one is `{name}`"));
+    Err(ConfigError::new(format!("unknown {what} `{found}`{hint}")))
+}
+
+/// Reads a section from its table, key by key so that an error names its key.
+pub(crate) fn read<S: Section>(table: &Table) -> Result<S, ConfigError> {
+    read_at(&format!("[{}]", S::NAME), table)
+}
+
+/// The same of one of several, whose place errors name.
+pub(crate) fn read_at<S: Section>(place: &str, table: &Table) -> Result<S, ConfigError> {
+    for key in table.keys() {
+        check_known("key", key, S::KEYS.iter().map(|k| k.name)).map_err(|e| e.within(place))?;
+    }
+    table
+        .clone()
+        .try_into()
+        .map_err(|error: toml::de::Error| ConfigError::new(one_line(&error.to_string())).within(place))
+}
+
+/// An error text of the TOML library in one line.
+pub(crate) fn one_line(message: &str) -> String {
+    message.split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Takes a section out of the file's table; a missing one is the default.
+pub(crate) fn take<S: Section + Default>(file: &mut Table) -> Result<S, ConfigError> {
+    match file.remove(S::NAME) {
+        None => Ok(S::default()),
+        Some(Value::Table(table)) => read(&table),
+        Some(other) => {
+            let sentence = format!("[{}]: found an {}; expected a table", S::NAME, other.type_str());
+            Err(ConfigError::new(sentence))
+        }
+    }
+}
+
+/// Writes a section with a comment above each key.
+pub(crate) fn print<S: Section>(section: &S, out: &mut String) {
+    print_under(&format!("[{}]", S::NAME), section, out);
+}
+
+/// The same under another header.
+pub(crate) fn print_under<S: Section>(header: &str, section: &S, out: &mut String) {
+    let values = Table::try_from(section).expect("numbers, texts and lists of them are TOML");
+    for line in S::DOC {
+        *out += &format!("#{line}\n");
+    }
+    *out += &format!("{header}\n");
+    for key in S::KEYS {
+        for line in key.doc {
+            *out += &format!("#{line}\n");
+        }
+        match values.get(key.name) {
+            Some(value) => *out += &format!("{} = {value}\n", key.name),
+            None => *out += &format!("# {} is not set\n", key.name),
+        }
+    }
+    out.push('\n');
+}

@@ -1,0 +1,90 @@
+//! The sockets of a NatNet client.
+
+use std::{
+    io,
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV4, UdpSocket},
+};
+
+use rustix::{
+    event::{PollFd, PollFlags, poll},
+    time::Timespec,
+};
+use socket2::{Domain, Socket, Type};
+
+use tilthex_core::types::Nanos;
+
+/// The line to one server.
+pub(super) struct Line {
+    server: SocketAddr,
+    /// For commands, their answers, and frames to this client.
+    command: UdpSocket,
+    /// For frames to the group.
+    group: Option<UdpSocket>,
+}
+
+impl Line {
+    pub(super) fn open(server: SocketAddr) -> io::Result<Self> {
+        let any: IpAddr = match server {
+            SocketAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
+            SocketAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
+        };
+        let command = UdpSocket::bind((any, 0))?;
+        command.set_nonblocking(true)?;
+        Ok(Self { server, command, group: None })
+    }
+
+    /// Listens to a group on its port too, shared with other clients of this host.
+    pub(super) fn join(&mut self, group: [u8; 4], port: u16) -> io::Result<()> {
+        // The interface towards the server.
+        let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
+        probe.connect(self.server)?;
+        let interface = match probe.local_addr()?.ip() {
+            IpAddr::V4(address) => address,
+            IpAddr::V6(_) => Ipv4Addr::UNSPECIFIED,
+        };
+        let socket = Socket::new(Domain::IPV4, Type::DGRAM, None)?;
+        socket.set_reuse_address(true)?;
+        let group = Ipv4Addr::from(group);
+        socket.bind(&SocketAddrV4::new(group, port).into())?;
+        socket.join_multicast_v4(&group, &interface)?;
+        socket.set_nonblocking(true)?;
+        self.group = Some(socket.into());
+        Ok(())
+    }
+
+    pub(super) fn has_group(&self) -> bool {
+        self.group.is_some()
+    }
+
+    /// Sends a packet to the server.
+    pub(super) fn say(&self, write: impl FnOnce(&mut [u8]) -> usize) {
+        let mut packet = [0; 512];
+        let length = write(&mut packet);
+        // What can not be sent is not answered, and asked again.
+        let _ = self.command.send_to(&packet[..length], self.server);
+    }
+
+    /// Waits for a packet, ns at most.
+    pub(super) fn wait(&self, left: Nanos) {
+        let timeout = Timespec { tv_sec: (left / 1_000_000_000) as _, tv_nsec: (left % 1_000_000_000) as _ };
+        let command = PollFd::new(&self.command, PollFlags::IN);
+        let _ = match &self.group {
+            Some(group) => poll(&mut [command, PollFd::new(group, PollFlags::IN)], Some(&timeout)),
+            None => poll(&mut [command], Some(&timeout)),
+        };
+    }
+
+    /// The next packet of the server, from either socket.
+    pub(super) fn read(&self, buffer: &mut [u8]) -> Option<usize> {
+        [Some(&self.command), self.group.as_ref()].into_iter().flatten().find_map(|socket| {
+            loop {
+                match socket.recv_from(buffer) {
+                    Ok((length, from)) if from.ip() == self.server.ip() => return Some(length),
+                    // Strangers are not listened to.
+                    Ok(_) => {}
+                    Err(_) => return None,
+                }
+            }
+        })
+    }
+}

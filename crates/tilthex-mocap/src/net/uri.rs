@@ -1,0 +1,122 @@
+//! Where the poses come from.
+
+use std::{fmt, str::FromStr};
+
+use crate::{natnet, vrpn};
+
+use super::SourceError;
+
+/// How a capture system speaks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Protocol {
+    /// NatNet, frames sent to this host.
+    NatNet,
+    /// NatNet, frames sent to a group.
+    NatNetMulticast,
+    /// VRPN over TCP.
+    Vrpn,
+}
+
+impl Protocol {
+    const ALL: [Self; 3] = [Self::NatNet, Self::NatNetMulticast, Self::Vrpn];
+
+    fn scheme(self) -> &'static str {
+        match self {
+            Self::NatNet => "natnet",
+            Self::NatNetMulticast => "natnet+multicast",
+            Self::Vrpn => "vrpn",
+        }
+    }
+
+    fn default_port(self) -> u16 {
+        match self {
+            Self::NatNet | Self::NatNetMulticast => natnet::COMMAND_PORT,
+            Self::Vrpn => vrpn::PORT,
+        }
+    }
+}
+
+/// A captured body's address: `natnet://HOST[:PORT]/BODY`,
+/// `natnet+multicast://HOST[:PORT]/BODY` or `vrpn://HOST[:PORT]/TRACKER`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MocapUri {
+    /// How the system speaks.
+    pub protocol: Protocol,
+    /// Its name or address, without brackets.
+    pub host: String,
+    /// Its port for commands (NatNet) or connections (VRPN).
+    pub port: u16,
+    /// The rigid body's or tracker's name.
+    pub body: String,
+}
+
+impl FromStr for MocapUri {
+    type Err = SourceError;
+
+    fn from_str(text: &str) -> Result<Self, SourceError> {
+        let wrong = |found: &str| {
+            SourceError::new(format!(
+                "the motion capture `{text}` {found}; expected natnet://HOST[:PORT]/BODY, \
+                 natnet+multicast://HOST[:PORT]/BODY or vrpn://HOST[:PORT]/TRACKER"
+            ))
+        };
+        let (scheme, rest) = text.split_once("://").ok_or_else(|| wrong("names no protocol"))?;
+        let protocol = Protocol::ALL
+            .into_iter()
+            .find(|protocol| protocol.scheme() == scheme)
+            .ok_or_else(|| wrong(&format!("has the unknown protocol `{scheme}`")))?;
+        let (authority, body) = rest.split_once('/').ok_or_else(|| wrong("names no body"))?;
+        let body = decode_percent(body).ok_or_else(|| wrong("has a broken % escape"))?;
+        if body.is_empty() {
+            return Err(wrong("names no body"));
+        }
+        // An IPv6 address stands in brackets, for its own colons.
+        let (host, port) = match authority.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
+            Some((host, port)) => (host, port.strip_prefix(':').or(port.is_empty().then_some(""))),
+            None => {
+                authority.split_once(':').map_or((authority, Some("")), |(host, port)| (host, Some(port)))
+            }
+        };
+        let port =
+            match port {
+                Some("") => protocol.default_port(),
+                Some(port) => port.parse().ok().filter(|&port| port > 0).ok_or_else(|| {
+                    wrong(&format!("has the port `{port}`, which is not within 1 to 65535"))
+                })?,
+                None => return Err(wrong("has something other than a port behind its address")),
+            };
+        if host.is_empty() {
+            return Err(wrong("names no host"));
+        }
+        Ok(Self { protocol, host: host.into(), port, body })
+    }
+}
+
+impl fmt::Display for MocapUri {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let host = if self.host.contains(':') { format!("[{}]", self.host) } else { self.host.clone() };
+        write!(f, "{}://{host}:{}/", self.protocol.scheme(), self.port)?;
+        self.body.chars().try_for_each(|c| match c {
+            '%' => write!(f, "%25"),
+            c => write!(f, "{c}"),
+        })
+    }
+}
+
+/// Replaces `%XX`; names of bodies have blanks at times.
+fn decode_percent(text: &str) -> Option<String> {
+    let mut bytes = Vec::with_capacity(text.len());
+    let mut rest = text.as_bytes();
+    while let Some((&byte, tail)) = rest.split_first() {
+        if byte == b'%' {
+            let (digits, tail) = tail.split_first_chunk::<2>()?;
+            let digit = |at: usize| char::from(digits[at]).to_digit(16);
+            bytes.push((digit(0)? * 16 + digit(1)?) as u8);
+            rest = tail;
+        } else {
+            bytes.push(byte);
+            rest = tail;
+        }
+    }
+    String::from_utf8(bytes).ok()
+}

@@ -1,0 +1,207 @@
+//! A client of a VRPN server.
+
+use std::{
+    io::{ErrorKind, Read, Write},
+    net::{SocketAddr, TcpStream},
+    sync::atomic::{AtomicBool, Ordering},
+    time::{Duration, Instant},
+};
+
+use crate::vrpn::{COOKIE, Decoder, Description, Message, POSE_TYPE, check_cookie};
+use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
+
+use super::SourceError;
+use super::{
+    client::{Sink, list},
+    counters::add,
+    now,
+    uri::MocapUri,
+};
+
+/// So long is waited for each of connection, greeting and first pose.
+const PATIENCE: Duration = Duration::from_millis(1200);
+/// Reads return at least so often, to see whether to stop.
+const READ_TIMEOUT: Duration = Duration::from_millis(100);
+/// Between attempts to connect again, behind a first one at once: a pose that is lost for 0.5 s lands.
+const RECONNECT: Duration = Duration::from_millis(20);
+/// So long is waited for a server that is connected to again.
+const PATIENCE_AGAIN: Duration = Duration::from_millis(200);
+/// Names kept for a message.
+const MAX_NAMES: usize = 64;
+/// Stamps are wall-clock times of another machine.
+const DRIFT: f64 = 1e-4;
+
+/// The ids of this connection.
+#[derive(Debug, Default)]
+struct Names {
+    tracker: Option<i32>,
+    pose: Option<i32>,
+    others: Vec<Vec<u8>>,
+    /// The sensor followed: the first that reports.
+    sensor: Option<i32>,
+}
+
+/// A connection to a server.
+pub(super) struct Session {
+    uri: MocapUri,
+    server: SocketAddr,
+    stream: TcpStream,
+    decoder: Decoder,
+    names: Names,
+    clock: ClockSync,
+    sink: Sink,
+}
+
+impl Session {
+    /// Finds the server and the tracker, and waits for its first pose.
+    pub(super) fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError> {
+        let stream = greet(server, PATIENCE)?;
+        let clock = ClockSync::new(ClockParams { drift: DRIFT, ..ClockParams::default() })
+            .map_err(|error| SourceError::new(error.to_string()))?;
+        let names = Names::default();
+        let decoder = Decoder::default();
+        let mut session = Self { uri: uri.clone(), server, stream, decoder, names, clock, sink };
+        session.first_pose()?;
+        Ok(session)
+    }
+
+    /// Hands on poses until told to stop; connects again when the server goes away.
+    pub(super) fn run(mut self, stop: &AtomicBool) {
+        while !stop.load(Ordering::Relaxed) {
+            if self.read().is_some() {
+                continue;
+            }
+            add(&self.sink.counters.silences, 1);
+            while !stop.load(Ordering::Relaxed) {
+                if let Ok(stream) = greet(self.server, PATIENCE_AGAIN) {
+                    self.stream = stream;
+                    self.decoder = Decoder::default();
+                    self.names = Names::default();
+                    break;
+                }
+                std::thread::sleep(RECONNECT);
+            }
+        }
+    }
+
+    fn first_pose(&mut self) -> Result<(), SourceError> {
+        let end = Instant::now() + PATIENCE;
+        while Instant::now() < end {
+            let poses = self.read().ok_or_else(|| {
+                SourceError::new(format!("the VRPN server at {} closed the connection", self.server))
+            })?;
+            if poses > 0 {
+                return Ok(());
+            }
+        }
+        let (server, tracker) = (self.server, &self.uri.body);
+        Err(SourceError::new(match self.names.tracker {
+            Some(_) => format!("the tracker `{tracker}` of {server} sends no poses: is its body seen?"),
+            None => format!("{server} has no tracker named `{tracker}`; it has {}", list(&self.names.others)),
+        }))
+    }
+
+    /// Takes what came, or waits a moment for it; the number of poses, or `None` when the connection is lost.
+    fn read(&mut self) -> Option<u32> {
+        let mut bytes = [0; 4096];
+        let count = match self.stream.read(&mut bytes) {
+            Ok(0) => return None,
+            Ok(count) => count,
+            Err(error) => {
+                let waits = [ErrorKind::WouldBlock, ErrorKind::TimedOut, ErrorKind::Interrupted];
+                return waits.contains(&error.kind()).then_some(0);
+            }
+        };
+        let arrival = now();
+        let mut poses = 0;
+        for &byte in bytes.iter().take(count) {
+            match self.decoder.push(byte) {
+                Ok(None) => {}
+                Ok(Some(message)) => {
+                    poses += u32::from(take(
+                        &mut self.names,
+                        &mut self.clock,
+                        &mut self.sink,
+                        &self.uri,
+                        &message,
+                        arrival,
+                    ));
+                }
+                Err(_) => {
+                    add(&self.sink.counters.refused, 1);
+                    return None;
+                }
+            }
+        }
+        Some(poses)
+    }
+}
+
+/// Takes a message; whether it was a pose of the tracker.
+fn take(
+    names: &mut Names,
+    clock: &mut ClockSync,
+    sink: &mut Sink,
+    uri: &MocapUri,
+    message: &Message<'_>,
+    arrival: f64,
+) -> bool {
+    match message.description() {
+        Some(Description::Sender(id, name)) if name == uri.body.as_bytes() => names.tracker = Some(id),
+        Some(Description::Sender(_, name)) if names.others.len() < MAX_NAMES => {
+            names.others.push(name.to_vec())
+        }
+        Some(Description::Type(id, name)) if name == POSE_TYPE => names.pose = Some(id),
+        _ => {}
+    }
+    if names.tracker != Some(message.sender) || names.pose != Some(message.kind) {
+        return false;
+    }
+    let Ok(pose) = message.pose() else {
+        add(&sink.counters.refused, 1);
+        return false;
+    };
+    if *names.sensor.get_or_insert(pose.sensor) != pose.sensor {
+        return false;
+    }
+    let stamp = clock.step(message.seconds(), arrival);
+    add(&sink.counters.clock_resets, (stamp.event == ClockEvent::Reset).into());
+    sink.pose((stamp.time - sink.params.latency, arrival), pose.position, pose.quaternion_xyzw, true);
+    true
+}
+
+/// Connects and exchanges cookies, within a time for each.
+fn greet(server: SocketAddr, patience: Duration) -> Result<TcpStream, SourceError> {
+    let lost = |why: &str| SourceError::new(format!("no VRPN server at {server}: {why}"));
+    let mut stream = TcpStream::connect_timeout(&server, patience).map_err(|error| match error.kind() {
+        ErrorKind::ConnectionRefused => {
+            lost("nothing listens there; check the address and that the server runs")
+        }
+        ErrorKind::TimedOut => lost("nobody answers; check the address and the network"),
+        _ => lost(&error.to_string()),
+    })?;
+    let set_up = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(READ_TIMEOUT)));
+    set_up.and_then(|()| stream.write_all(&COOKIE)).map_err(|error| lost(&error.to_string()))?;
+    let mut cookie = [0; COOKIE.len()];
+    let (mut filled, end) = (0, Instant::now() + patience);
+    while filled < cookie.len() && Instant::now() < end {
+        match stream.read(&mut cookie[filled..]) {
+            Ok(0) => break,
+            Ok(count) => filled += count,
+            Err(error) if [ErrorKind::WouldBlock, ErrorKind::TimedOut].contains(&error.kind()) => {}
+            Err(error) => return Err(lost(&error.to_string())),
+        }
+    }
+    if filled == cookie.len() && check_cookie(&cookie).is_ok() {
+        return Ok(stream);
+    }
+    let said = String::from_utf8_lossy(&cookie[..filled]);
+    Err(lost(&if filled == 0 {
+        "something listens there but sends no VRPN greeting; check the port, usually 3883".into()
+    } else {
+        format!(
+            "something else answers, with `{}`; expected VRPN 7, check the port, usually 3883",
+            said.trim_end_matches('\0').escape_debug()
+        )
+    }))
+}

@@ -1,0 +1,177 @@
+//! What the flight board sits on: the body that its rotors move, and what touches it.
+
+use tilthex_core::{
+    RobotState, RotorVector, Vector3, Wrench,
+    plant::{EffectsState, ImuSample, Plant, PlantState},
+};
+
+use super::{Pushes, ground::Ground};
+use crate::{Nanos, SimError};
+
+/// Steps of the own body in one cycle while its feet may touch the ground.
+const CONTACT_STEPS: usize = 4;
+
+/// One cycle of the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cycle {
+    /// Its end: of the monotonic clock behind a pseudo-terminal, otherwise since power-on, ns.
+    pub at: Nanos,
+    /// Its length, s.
+    pub dt: f64,
+    /// Its end since a motor was first started, s.
+    pub since_start: Option<f64>,
+}
+
+/// A body in its world. What it says of itself is true; noise is the sensors'.
+pub trait Body {
+    /// Moves on by one cycle under the speeds that the motors drive their rotors to, Hz.
+    fn advance(&mut self, cycle: &Cycle, commands: &RotorVector);
+
+    /// Pose, twist and rotor speeds.
+    fn state(&self) -> &PlantState;
+
+    /// What a perfect IMU says of the cycle, IMU axes.
+    fn imu(&self) -> ImuSample;
+
+    /// What touches the tool, world, at its tip.
+    fn tool_wrench_w(&self) -> Wrench;
+
+    /// Everything but rotors and weight: force W, torque R about the centre of mass.
+    fn external(&self) -> Wrench;
+
+    /// Whether it lies still, no higher than where it started from.
+    fn rests(&self) -> bool;
+
+    /// Whether it has stopped moving for good; [`Self::finish`] says why.
+    fn failed(&self) -> bool {
+        false
+    }
+
+    /// Ends its world.
+    ///
+    /// # Errors
+    /// One sentence, where it had failed or does not end well.
+    fn finish(&mut self) -> Result<(), SimError> {
+        Ok(())
+    }
+}
+
+/// The plant of the core on flat ground, with pushes at its tool and damage to its rotors.
+#[derive(Clone, Debug)]
+pub struct Own {
+    plant: Plant,
+    state: PlantState,
+    /// Flat ground at z = 0; none far above it.
+    ground: Option<Ground>,
+    pushes: Pushes,
+    external: Wrench,
+    tool_wrench_w: Wrench,
+    /// Part of each rotor's speed that its motor reaches.
+    pub(super) health: RotorVector,
+    /// Part of its thrust that each rotor has.
+    pub(super) thrust: RotorVector,
+}
+
+impl Own {
+    /// It stands on the ground over the origin, rotors still; `seed` chooses the gusts.
+    #[must_use]
+    pub fn new(plant: Plant, pushes: Pushes, seed: u64) -> Self {
+        // Legs that keep the tool off the ground, or at least some way under the body.
+        let leg = (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05;
+        let mut body = Self {
+            plant,
+            state: PlantState::new(RobotState::at_rest(Vector3::new(0.0, 0.0, leg)), RotorVector::zeros()),
+            ground: Some(Ground { leg }),
+            pushes,
+            external: Wrench::ZERO,
+            tool_wrench_w: Wrench::ZERO,
+            health: RotorVector::repeat(1.0),
+            thrust: RotorVector::repeat(1.0),
+        };
+        body.settle();
+        body.state.effects = EffectsState::new(plant.effects(), seed);
+        body
+    }
+
+    /// It hovers in a state, far above any ground; pushes count from power-on.
+    #[must_use]
+    pub fn airborne(plant: Plant, pushes: Pushes, state: PlantState, seed: u64) -> Self {
+        let effects = EffectsState::new(plant.effects(), seed);
+        Self {
+            plant,
+            state: PlantState { effects, ..state },
+            ground: None,
+            pushes,
+            external: Wrench::ZERO,
+            tool_wrench_w: Wrench::ZERO,
+            health: RotorVector::repeat(1.0),
+            thrust: RotorVector::repeat(1.0),
+        }
+    }
+
+    /// Lets the legs take the weight.
+    fn settle(&mut self) {
+        for _ in 0..4000 {
+            self.step(&RotorVector::zeros(), 0.25e-3);
+        }
+    }
+
+    /// Takes up what acts on it now, `since_start` (s) after the motors' start, before it moves.
+    pub fn feel(&mut self, since_start: Option<f64>) {
+        self.tool_wrench_w = since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
+        self.sum_up();
+    }
+
+    fn sum_up(&mut self) {
+        let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
+        let ground = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
+        self.external = ground + push - self.lost_thrust();
+    }
+
+    fn step(&mut self, commands: &RotorVector, dt: f64) {
+        self.sum_up();
+        let commands = commands.component_mul(&self.health);
+        self.plant.step(&mut self.state, &commands, &self.external, dt);
+    }
+
+    /// What damaged rotors do not exert: force W, torque R.
+    fn lost_thrust(&self) -> Wrench {
+        let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
+        let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
+        let body = self.plant.vehicle().body_wrench(&lost);
+        Wrench { force: self.state.robot.rotation_wr * body.force, torque: body.torque }
+    }
+}
+
+impl Body for Own {
+    fn advance(&mut self, cycle: &Cycle, commands: &RotorVector) {
+        self.tool_wrench_w = cycle.since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
+        let near = self.ground.is_some_and(|ground| ground.is_near(&self.state.robot));
+        let steps = if near { CONTACT_STEPS } else { 1 };
+        for _ in 0..steps {
+            self.step(commands, cycle.dt / steps as f64);
+        }
+    }
+
+    fn state(&self) -> &PlantState {
+        &self.state
+    }
+
+    fn imu(&self) -> ImuSample {
+        self.plant.imu(&self.state, &self.external)
+    }
+
+    fn tool_wrench_w(&self) -> Wrench {
+        self.tool_wrench_w
+    }
+
+    fn external(&self) -> Wrench {
+        self.external
+    }
+
+    fn rests(&self) -> bool {
+        let robot = &self.state.robot;
+        self.ground.is_some_and(|ground| robot.position_w.z < ground.leg + 0.01)
+            && robot.velocity_w.norm() < 0.1
+    }
+}

@@ -1,0 +1,218 @@
+//! The fault campaign: many random faulty flights on virtual time, through the
+//! real codecs, estimator, supervisor and controller.
+//!
+//! A flight fails on a panic, on a byte that should not have been sent, on a
+//! reaction that the table of faults does not list, and on a fly-away.
+
+mod disk;
+pub mod faults;
+mod judge;
+mod story;
+mod summary;
+pub mod world;
+
+use std::{
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicU64, Ordering},
+    },
+};
+
+use tilthex_core::random::Random;
+use tilthex_link::{LinkedFlight, LinkedParams};
+
+pub use faults::{Injection, Kind};
+pub use judge::Outcome;
+pub use summary::Summary;
+pub use world::World;
+
+use judge::Judge;
+use story::Story;
+
+use crate::{SimError, Simulation, SimulationParams};
+use tilthex_config::{Config, TruthSection, VehicleSection};
+
+/// Faults begin within this time of the hover, s.
+const WINDOW: f64 = 3.0;
+/// Faults of flights that are watched from power-on begin within this time, s.
+const WHOLE_WINDOW: f64 = 14.0;
+/// After this long on its mission a flight is asked to land, s.
+const MISSION: f64 = 7.0;
+/// A flight that has not ended by then is not watched any longer, s.
+const LONGEST: f64 = 45.0;
+/// Ticks after the motors' stop before it is said whether the vehicle stands.
+const SETTLING: usize = 1000;
+/// One flight in so many is flown from power-on.
+const WHOLE_EVERY: u64 = 4;
+
+/// Flies one flight with its faults.
+#[must_use]
+pub fn fly(world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
+    fly_seen(world, injections, seed, &mut |_| ())
+}
+
+/// [`fly`], and `see` looks at the world after every period.
+fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut dyn FnMut(&World)) -> Outcome {
+    world.inject(injections.clone(), seed);
+    let mut judge = Judge::new(&world, injections);
+    let begin = world.now();
+    let mut on_mission_for = 0.0;
+    while world.now() - begin < LONGEST && !world.linked.finished() {
+        if world.tick(None) {
+            judge.look(&world);
+        }
+        judge.watch(&world);
+        see(&world);
+        if world.linked.flight.on_mission() {
+            on_mission_for += 0.002;
+        }
+        world.host.land |= on_mission_for > MISSION || world.now() - begin > LONGEST - 20.0;
+        if judge.outcome.failure.is_some() || judge.done(&world) {
+            break;
+        }
+    }
+    // Legs that lose the last thrust give way a little.
+    for _ in 0..SETTLING {
+        world.tick(None);
+        judge.watch(&world);
+        see(&world);
+    }
+    judge.outcome.ended = !judge.flew || (world.linked.finished() && world.simulation.rests());
+    judge.outcome.toppled = judge.outcome.ended && !world.simulation.stands();
+    judge.outcome
+}
+
+/// A world at the moment its mission begins: the part that all flights share.
+///
+/// # Errors
+/// Where even a flight without faults does not get that far.
+pub fn hover(params: LinkedParams) -> Result<World, SimError> {
+    let simulated = SimulationParams::new(params.flight.vehicle);
+    rise(on_the_ground(params, simulated, 1)?)
+}
+
+/// Lets a flight go on until its mission begins.
+fn rise(mut world: World) -> Result<World, SimError> {
+    while !world.linked.flight.on_mission() {
+        world.tick(None);
+        if world.now() > 30.0 {
+            let phase = world.linked.flight.supervisor().phase().name();
+            return Err(SimError::flight(format!("a flight without faults is still {phase} after 30 s")));
+        }
+    }
+    Ok(world)
+}
+
+fn on_the_ground(params: LinkedParams, simulated: SimulationParams, seed: u64) -> Result<World, SimError> {
+    let linked = LinkedFlight::new(params, None).map_err(|e| SimError::refused(e.to_string()))?;
+    Ok(World::new(Simulation::new(SimulationParams { seed, ..simulated }), linked, seed))
+}
+
+/// The vehicles of a campaign: one for all flights that is its model, or one drawn for each.
+struct Fleet<'a> {
+    params: LinkedParams,
+    model: &'a VehicleSection,
+    truth: &'a TruthSection,
+}
+
+impl Fleet<'_> {
+    /// Of a set-up.
+    fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
+        let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
+        Ok(Fleet { params, model: &config.vehicle, truth })
+    }
+
+    /// The vehicle of a seed, on the ground.
+    fn ground(&self, seed: u64) -> Result<World, SimError> {
+        let drawn = self.truth.draw(self.model, seed).map_err(|e| SimError::refused(e.to_string()))?;
+        on_the_ground(self.params, SimulationParams::of(&drawn)?, seed)
+    }
+
+    /// The hover that all flights begin with, where their vehicles are one.
+    fn shared(&self) -> Result<Option<World>, SimError> {
+        (*self.truth == TruthSection::default()).then(|| hover(self.params)).transpose()
+    }
+}
+
+/// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor. Where the
+/// truth is not the model, each flight has a vehicle of its own.
+///
+/// # Errors
+/// Where the set-up can not fly even without faults.
+pub fn run(
+    config: &Config,
+    truth: &TruthSection,
+    kinds: &[Kind],
+    count: u64,
+    first: u64,
+) -> Result<Summary, SimError> {
+    let fleet = Fleet::new(config, truth)?;
+    fleet.ground(first)?;
+    let hovering = fleet.shared()?;
+    let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
+    let worker = |hovering: Option<World>| {
+        loop {
+            let seed = next.fetch_add(1, Ordering::Relaxed);
+            if seed >= first + count {
+                return;
+            }
+            let outcome = one(&fleet, hovering.as_ref(), kinds, seed, &mut |_| ());
+            summary.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &outcome);
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    std::thread::scope(|scope| {
+        for _ in 0..threads {
+            let hovering = hovering.clone();
+            scope.spawn(|| worker(hovering));
+        }
+    });
+    Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// Flies the flight of one seed again and tells its story.
+///
+/// # Errors
+/// Where the set-up can not fly even without faults.
+pub fn again(
+    config: &Config,
+    truth: &TruthSection,
+    kinds: &[Kind],
+    seed: u64,
+) -> Result<(Outcome, String), SimError> {
+    let fleet = Fleet::new(config, truth)?;
+    fleet.ground(seed)?;
+    let mut story = Story::default();
+    let outcome = one(&fleet, fleet.shared()?.as_ref(), kinds, seed, &mut |world| story.see(world));
+    Ok((outcome, story.text()))
+}
+
+/// The flight of one seed.
+fn one(
+    fleet: &Fleet<'_>,
+    hovering: Option<&World>,
+    kinds: &[Kind],
+    seed: u64,
+    see: &mut dyn FnMut(&World),
+) -> Outcome {
+    let mut random = Random::new(seed);
+    let whole = seed.is_multiple_of(WHOLE_EVERY);
+    let window = if whole { WHOLE_WINDOW } else { WINDOW };
+    let count = 1 + (random.uniform() < 0.2) as usize;
+    let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, kinds, window)).collect();
+    let flown = catch_unwind(AssertUnwindSafe(|| -> Result<Outcome, SimError> {
+        let world = match hovering {
+            Some(shared) if !whole => shared.clone(),
+            _ if whole => fleet.ground(seed)?,
+            _ => rise(fleet.ground(seed)?)?,
+        };
+        Ok(fly_seen(world, injections.clone(), seed, see))
+    }));
+    let failed = |why: String| Outcome { failure: Some(why), ..Outcome::of(injections.clone()) };
+    match flown {
+        Ok(Ok(outcome)) => outcome,
+        Ok(Err(refused)) => failed(format!("did not begin: {refused}")),
+        Err(_) => failed("panicked".into()),
+    }
+}

@@ -1,0 +1,210 @@
+//! The complete loop on virtual time: the simulated vehicle, the real codecs,
+//! estimator, supervisor and controller, and what is done to them.
+
+use std::collections::VecDeque;
+
+use tilthex_core::{
+    flight::{Command, HostFacts, MAX_POSES, Record},
+    random::Random,
+    types::PoseSample,
+};
+use tilthex_link::{LinkedFlight, LinkedOutput, MAX_BYTES_IN, WireInput};
+
+use super::{
+    disk::Disk,
+    faults::{Injection, Kind},
+};
+use crate::{STEP, Simulation};
+
+/// Cycles of the board in a period of the loop.
+const CYCLES: u64 = 2;
+/// Ticks between two poses.
+const CAPTURE_EVERY: u64 = 5;
+/// Poses come this late, s, and up to half as much more.
+const CAPTURE_LATENCY: f64 = 0.008;
+/// Bytes that wait for a loop that does not read.
+const LINE_BUFFER: usize = 4096;
+/// The host's clock when the board was powered, s.
+const EPOCH: f64 = 100.0;
+
+/// A vehicle, its controller and their faults.
+#[derive(Clone)]
+pub struct World {
+    /// The vehicle.
+    pub simulation: Simulation,
+    /// Its controller, behind its link.
+    pub linked: LinkedFlight,
+    /// What only the host can see.
+    pub host: HostFacts,
+    /// What is done to them.
+    pub injections: Vec<Injection>,
+    out: LinkedOutput,
+    to_host: Vec<u8>,
+    poses: VecDeque<PoseSample>,
+    last_imu: Vec<u8>,
+    active: Vec<bool>,
+    random: Random,
+    ticks: u64,
+    stopped: u64,
+    disk: Disk,
+}
+
+impl World {
+    /// A flight that begins, without faults.
+    #[must_use]
+    pub fn new(simulation: Simulation, linked: LinkedFlight, seed: u64) -> Self {
+        Self {
+            simulation,
+            linked,
+            host: HostFacts::default(),
+            injections: Vec::new(),
+            out: LinkedOutput::default(),
+            to_host: Vec::new(),
+            poses: VecDeque::new(),
+            last_imu: Vec::new(),
+            active: Vec::new(),
+            random: Random::new(seed),
+            ticks: 0,
+            stopped: 0,
+            disk: Disk::default(),
+        }
+    }
+
+    /// Faults from now on, with randomness of their own; their times count from now.
+    pub fn inject(&mut self, injections: Vec<Injection>, seed: u64) {
+        self.random = Random::new(seed);
+        self.active = vec![false; injections.len()];
+        let now = self.now();
+        self.injections = injections;
+        for injection in &mut self.injections {
+            injection.begin += now;
+        }
+    }
+
+    /// Seconds since the board was powered.
+    #[must_use]
+    pub fn now(&self) -> f64 {
+        self.simulation.now() as f64 * 1e-6
+    }
+
+    /// The bytes that the last tick sent.
+    #[must_use]
+    pub fn sent(&self) -> &[u8] {
+        self.out.wire.sent.bytes()
+    }
+
+    /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
+    pub(super) fn log_fault(&self) -> Option<&'static str> {
+        let may_drop = self.injections.iter().any(|i| i.kind == Kind::DiskSlow);
+        match (self.disk.accounts_for_all(), self.disk.dropped()) {
+            (false, _) => Some("the log lost a tick that was not counted"),
+            (_, 1..) if !may_drop => Some("the log dropped a tick though the disk took them"),
+            _ => None,
+        }
+    }
+
+    /// What the last tick gave.
+    #[must_use]
+    pub fn output(&self) -> &LinkedOutput {
+        &self.out
+    }
+
+    /// The record of the last tick.
+    #[must_use]
+    pub fn record(&self) -> &Record {
+        &self.out.commanded.record
+    }
+
+    /// One period: the vehicle's, and the controller's where its program runs.
+    /// Whether it ran.
+    pub fn tick(&mut self, command: Option<&Command>) -> bool {
+        self.switch();
+        for _ in 0..CYCLES {
+            let mut bytes = Vec::new();
+            self.simulation.advance(&mut bytes);
+            self.arrive(bytes);
+        }
+        self.ticks += 1;
+        if self.ticks.is_multiple_of(CAPTURE_EVERY) {
+            self.capture();
+        }
+        if self.stopped > 0 {
+            self.stopped -= 1;
+            return false;
+        }
+        self.control(command);
+        true
+    }
+
+    /// Begins and ends what is due.
+    fn switch(&mut self) {
+        let now = self.now();
+        let mut out = Vec::new();
+        for (injection, active) in self.injections.iter().zip(&mut self.active) {
+            let due = (injection.begin..injection.begin + injection.duration).contains(&now);
+            if due && !*active {
+                injection.begin(&mut self.simulation, &mut out);
+                if injection.kind == Kind::Stopped {
+                    self.stopped = (2.5 + 247.5 * injection.strength) as u64;
+                }
+            } else if !due && *active {
+                injection.end(&mut self.simulation);
+            }
+            *active = due;
+        }
+        self.to_host.extend(out);
+        self.host.link_lost = self.is_active(Kind::Unplugged);
+        self.host.log_lost |= self.is_active(Kind::DiskFull);
+    }
+
+    fn is_active(&self, kind: Kind) -> bool {
+        self.injections.iter().zip(&self.active).any(|(i, active)| *active && i.kind == kind)
+    }
+
+    fn arrive(&mut self, mut bytes: Vec<u8>) {
+        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
+            injection.spoil_link(&mut bytes, &self.last_imu, &mut self.random);
+        }
+        if bytes.starts_with(b"^I") {
+            self.last_imu = bytes.iter().copied().take_while(|byte| *byte != b'$').chain([b'$']).collect();
+        }
+        self.to_host.extend(bytes);
+        self.to_host.truncate(LINE_BUFFER);
+    }
+
+    fn capture(&mut self) {
+        let time = EPOCH + self.now();
+        let (position_w, rotation_wr) = self.simulation.captured_pose();
+        let arrival = time + CAPTURE_LATENCY * (1.0 + 0.5 * self.random.uniform());
+        let mut pose = Some(PoseSample { time, arrival, position_w, rotation_wr, tracking_valid: true });
+        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
+            pose = pose.and_then(|pose| injection.spoil_pose(pose, &mut self.random));
+        }
+        self.poses.extend(pose);
+    }
+
+    fn control(&mut self, command: Option<&Command>) {
+        let time = EPOCH + self.now() + 1e-6 * (STEP as f64) * 0.05 * self.random.uniform();
+        let count = self.to_host.len().min(MAX_BYTES_IN);
+        let mut poses = Vec::with_capacity(MAX_POSES);
+        while poses.len() < MAX_POSES && self.poses.front().is_some_and(|pose| pose.arrival <= time) {
+            poses.extend(self.poses.pop_front());
+        }
+        let input =
+            WireInput { time, bytes: &self.to_host[..count], poses: &poses, command, host: self.host };
+        self.linked.tick(&input, &mut self.out);
+        self.disk.record(&self.out, self.is_active(Kind::DiskSlow));
+        self.to_host.drain(..count);
+        let mut command = self.sent().to_vec();
+        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
+            match injection.kind {
+                Kind::BitFlips => injection.flip_bits(&mut command, &mut self.random),
+                Kind::CommandsLost | Kind::Unplugged => command.clear(),
+                _ => {}
+            }
+        }
+        let mut answer = Vec::new();
+        self.simulation.receive(&command, &mut answer);
+        self.to_host.extend(answer);
+    }
+}

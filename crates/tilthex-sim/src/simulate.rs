@@ -1,0 +1,399 @@
+//! A flight in memory: the vehicle's body, noisy sensors, and the [`Flight`] that flies the real one.
+//! No clock and no link: as fast as the machine, and the same for the same seed.
+
+use crate::{Body, Nanos, Own, Pushes, STEP, body::Cycle};
+use std::collections::VecDeque;
+use tilthex_config::{Config, ConfigError, TruthSection};
+use tilthex_core::{
+    Matrix3, PoseSample, RobotState, Setpoint, Vector3,
+    admittance::centre_of_mass_reference,
+    flight::{
+        AirborneStart, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured, MotorCommand,
+        Route, Telemetry,
+    },
+    plant::{Plant, PlantState, SensorParams, Sensors},
+    random::Random,
+    trajectory::Trajectory,
+    types::RotorVector,
+    wrench_observer::remove_lever_arm,
+};
+
+/// Control period, s.
+pub const PERIOD: f64 = 0.002;
+/// Cycles of the body in a control period.
+const CYCLES: usize = 2;
+/// Control periods from one captured pose to the next.
+const POSE_EVERY: usize = 5;
+
+/// How a flight begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one a flight")]
+pub enum Start {
+    /// In the air, at rest with the tool on the trajectory's start.
+    Air(Trajectory),
+    /// On the ground, motors off: it takes off, hovers and flies the route.
+    Ground(Option<Route>),
+}
+
+/// What is simulated.
+#[derive(Clone, Debug)]
+pub struct Scenario<'a> {
+    /// Vehicle and flight.
+    pub config: &'a Config,
+    /// How it begins, and what the tool is asked to do.
+    pub start: Start,
+    /// What pushes the tool, and when: s since the begin in the air, or since the motors' start.
+    pub pushes: Pushes,
+    /// Length, s.
+    pub duration: f64,
+    /// In what the vehicle differs from the configuration's.
+    pub truth: TruthSection,
+    /// Noise and biases of the sensors, to which the truth adds its own.
+    pub sensors: SensorParams,
+    /// Chooses the noise, and the vehicle where the truth has distributions.
+    pub seed: u64,
+    /// Whether the flight uses its estimator; otherwise it is given the true pose and twist.
+    pub estimate: bool,
+    /// Mean age of a captured pose when it arrives, s, where the truth has none.
+    pub pose_delay: f64,
+}
+
+/// One recorded quantity, `width` numbers a control period.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Its name.
+    pub name: &'static str,
+    /// Numbers a row.
+    pub width: usize,
+    /// Row after row.
+    pub values: Vec<f64>,
+}
+
+/// Everything that was recorded.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Record {
+    columns: Vec<Column>,
+    rows: usize,
+    next: usize,
+}
+
+impl Record {
+    /// The columns, all of equal length.
+    #[must_use]
+    pub fn columns(&self) -> &[Column] {
+        &self.columns
+    }
+
+    /// The column of that name.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<&Column> {
+        self.columns.iter().find(|c| c.name == name)
+    }
+
+    /// Adds to the next column; every row adds to the same ones in the same order.
+    fn put(&mut self, name: &'static str, row: &[f64]) {
+        if self.next == self.columns.len() {
+            let values = Vec::with_capacity(self.rows * row.len());
+            self.columns.push(Column { name, width: row.len(), values });
+        }
+        self.columns[self.next].values.extend_from_slice(row);
+        self.next += 1;
+    }
+
+    /// Likewise a matrix, row by row.
+    fn put_matrix(&mut self, name: &'static str, m: &Matrix3) {
+        self.put(name, m.transpose().as_slice());
+    }
+
+    fn end_row(&mut self) {
+        self.next = 0;
+    }
+}
+
+/// Simulates.
+///
+/// # Errors
+/// What the flight refuses.
+pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
+    let mut world = World::new(scenario)?;
+    let rows = (scenario.duration / PERIOD).round() as usize;
+    let mut record = Record { rows, ..Record::default() };
+    for row in 0..rows {
+        world.tick(row as f64 * PERIOD, row % POSE_EVERY == 0);
+        world.keep(&mut record);
+        world.advance();
+    }
+    Ok(record)
+}
+
+/// A vehicle and its flight.
+struct World {
+    plant: Plant,
+    body: Own,
+    sensors: Sensors,
+    /// The point that motion capture gives, from the centre of mass, R.
+    captured_r: Vector3,
+    estimate: bool,
+    capture: Capture,
+    flight: Flight,
+    telemetry: Telemetry,
+    commanded: Commanded,
+    /// When the period began, s.
+    time: f64,
+    /// When a motor was first asked to start, s.
+    started: Option<f64>,
+}
+
+impl World {
+    fn new(scenario: &Scenario<'_>) -> Result<Self, ConfigError> {
+        let params = scenario.config.flight_params(true)?;
+        let drawn = scenario.truth.draw(&scenario.config.vehicle, scenario.seed)?;
+        let (plant, pushes) = (drawn.plant()?, scenario.pushes.clone());
+        let sensor_params = drawn.sensors(&scenario.sensors);
+        let (body, flight, motors, started) = match &scenario.start {
+            Start::Air(trajectory) => {
+                let state = at_rest_on(&plant, &trajectory.sample(0.0));
+                let mut flight = Flight::new(params, None)?;
+                flight.begin_in_air(&AirborneStart {
+                    time: -PERIOD,
+                    position_w: captured(&state.robot, &sensor_params.captured_r).position_w,
+                    rotation_wc: state.robot.rotation_wr,
+                    trajectory: Some(*trajectory),
+                })?;
+                let turning = MotorCommand::Turn(state.rotor_speeds);
+                (Own::airborne(plant, pushes, state, scenario.seed), flight, turning, Some(0.0))
+            }
+            Start::Ground(route) => {
+                let body = Own::new(plant, pushes, scenario.seed);
+                (body, Flight::new(params, *route)?, MotorCommand::Stop, None)
+            }
+        };
+        Ok(Self {
+            plant,
+            body,
+            sensors: Sensors::new(sensor_params, scenario.seed),
+            captured_r: sensor_params.captured_r,
+            estimate: scenario.estimate,
+            capture: Capture {
+                delay: drawn.delays.pose.unwrap_or(scenario.pose_delay),
+                jitter: drawn.delays.pose_jitter.unwrap_or(0.0),
+                random: Random::new(scenario.seed ^ 0x504F_5345),
+                on_the_way: VecDeque::new(),
+            },
+            flight,
+            telemetry: Telemetry::new(plant.vehicle().rotor_count()),
+            commanded: Commanded { motors, ..Commanded::default() },
+            time: 0.0,
+            started,
+        })
+    }
+
+    /// Measures and flies one period.
+    fn tick(&mut self, time: f64, captures: bool) {
+        self.time = time;
+        self.body.feel(self.started.map(|started| time - started));
+        let state = *self.body.state();
+        let imu = self.body.imu();
+        let sample = self.sensors.imu(&imu);
+        self.telemetry.begin_tick();
+        self.telemetry.inertial.push(
+            time,
+            Inertial {
+                time,
+                gyro_i: sample.gyro_i,
+                specific_force_i: sample.specific_force_i,
+                shaken: false,
+            },
+        );
+        self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, &state));
+        self.telemetry.set_spinning(self.commanded.motors != MotorCommand::Stop);
+        if captures {
+            let (position_w, rotation_wr) = self.sensors.pose(&state);
+            self.capture.take(time, position_w, rotation_wr);
+        }
+        let measured = Measured {
+            time,
+            telemetry: &self.telemetry,
+            poses: &self.capture.arrived(time),
+            command: None,
+            host: HostFacts::default(),
+            known: (!self.estimate).then(|| self.known(&state, &imu.specific_force_i)),
+        };
+        self.flight.tick(&measured, &mut self.commanded);
+        if self.started.is_none() && matches!(self.commanded.motors, MotorCommand::Start(_)) {
+            self.started = Some(time);
+        }
+    }
+
+    /// The true state, and the specific force at the centre of mass as a perfect lever-arm correction gives it.
+    fn known(&self, state: &PlantState, specific_force_i: &Vector3) -> KnownState {
+        let (mounting, robot) = (self.plant.vehicle().imu(), state.robot);
+        let (_, angular_acceleration_r) = self.plant.accelerations(state, &self.body.external());
+        let specific_force_r = remove_lever_arm(
+            &(mounting.rotation_r * specific_force_i),
+            &robot.angular_velocity_r,
+            &angular_acceleration_r,
+            &mounting.position_r,
+        );
+        KnownState { robot: captured(&robot, &self.captured_r), specific_force_r }
+    }
+
+    /// Moves the body on by a period.
+    fn advance(&mut self) {
+        let speeds = match self.commanded.motors {
+            MotorCommand::Stop => RotorVector::zeros(),
+            MotorCommand::Start(speeds) | MotorCommand::Turn(speeds) => speeds,
+        };
+        // What acts on a period is what acted when it was measured.
+        let since_start = self.started.map(|started| self.time - started);
+        for k in 1..=CYCLES {
+            let dt = STEP as f64 * 1e-6;
+            let at = ((self.time + k as f64 * dt) * 1e9) as Nanos;
+            self.body.advance(&Cycle { at, dt, since_start }, &speeds);
+            self.sensors.pass(&self.plant, self.body.state(), dt);
+        }
+    }
+
+    fn keep(&self, record: &mut Record) {
+        let (state, flown) = (self.body.state(), &self.commanded.record);
+        let rotors = self.plant.vehicle().rotor_count();
+        let (tool_position_w, tool_rotation_we) =
+            self.plant.loaded_tool_pose(state, &self.body.tool_wrench_w());
+        record.put("time", &[flown.input.time]);
+        record.put("position", state.robot.position_w.as_slice());
+        record.put("velocity", state.robot.velocity_w.as_slice());
+        record.put_matrix("rotation", &state.robot.rotation_wr);
+        record.put("angular_velocity", state.robot.angular_velocity_r.as_slice());
+        record.put("tool_position", tool_position_w.as_slice());
+        record.put_matrix("tool_rotation", &tool_rotation_we);
+        record.put("estimated_position", flown.state.position_w.as_slice());
+        record.put("estimated_velocity", flown.state.velocity_w.as_slice());
+        record.put_matrix("estimated_rotation", &flown.state.rotation_wr);
+        record.put("setpoint_position", flown.setpoint.position_w.as_slice());
+        record.put_matrix("setpoint_rotation", &flown.setpoint.rotation_we);
+        record.put("reference_position", flown.reference.position_w.as_slice());
+        record.put_matrix("reference_rotation", &flown.reference.rotation_we);
+        record.put("position_error", flown.position_error_w.as_slice());
+        record.put("rotation_error", flown.rotation_error_r.as_slice());
+        record.put("wrench_robot", flown.wrench_robot.to_vector().as_slice());
+        record.put("wrench_tool", flown.wrench_tool_w.to_vector().as_slice());
+        record.put("wrench_true", self.body.tool_wrench_w().to_vector().as_slice());
+        record.put("rotor_speeds", &state.rotor_speeds.as_slice()[..rotors]);
+        record.put("rotor_command", &flown.rotor_command.as_slice()[..rotors]);
+        record.put("saturated", &[f64::from(u8::from(flown.saturated))]);
+        record.put("phase", &[f64::from(flown.phase as u8)]);
+        record.end_row();
+    }
+}
+
+/// The vehicle at rest with its tool on a set-point.
+fn at_rest_on(plant: &Plant, setpoint: &Setpoint) -> PlantState {
+    let reference = centre_of_mass_reference(setpoint, plant.vehicle().tool());
+    let mut state = plant.hover(reference.position_w);
+    state.robot.rotation_wr = reference.rotation_wr;
+    state.rotor_speeds = plant.vehicle().hover_speeds(&reference.rotation_wr);
+    state
+}
+
+/// The robot's state with its origin in another point of the airframe.
+fn captured(robot: &RobotState, point_r: &Vector3) -> RobotState {
+    RobotState {
+        position_w: robot.position_w + robot.rotation_wr * point_r,
+        velocity_w: robot.velocity_w + robot.rotation_wr * robot.angular_velocity_r.cross(point_r),
+        ..*robot
+    }
+}
+
+/// Captured poses on their way.
+struct Capture {
+    delay: f64,
+    jitter: f64,
+    random: Random,
+    on_the_way: VecDeque<PoseSample>,
+}
+
+impl Capture {
+    fn take(&mut self, time: f64, position_w: Vector3, rotation_wr: Matrix3) {
+        let arrival = time + (self.delay + self.jitter * (2.0 * self.random.uniform() - 1.0)).max(0.0);
+        let pose = PoseSample { time, arrival, position_w, rotation_wr, tracking_valid: true };
+        self.on_the_way.push_back(pose);
+    }
+
+    fn arrived(&mut self, now: f64) -> Vec<PoseSample> {
+        let arrived = self.on_the_way.iter().take_while(|pose| pose.arrival <= now + 1e-9).count();
+        self.on_the_way.drain(..arrived.min(MAX_POSES)).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::pushes::Push;
+    use tilthex_config::VehicleSection;
+
+    fn pushed(config: &Config, estimate: bool, seed: u64) -> Record {
+        let push = Push { at: 1.0, duration: 20.0, force: [1.4, 0.0, 0.0], torque: [0.0; 3] };
+        let scenario = Scenario {
+            config,
+            start: Start::Air(Trajectory::hold(Vector3::new(0.0, 0.0, 1.0), Matrix3::identity())),
+            pushes: Pushes::new(vec![push]),
+            duration: 12.0,
+            truth: TruthSection::default(),
+            sensors: SensorParams::EXPERIMENTS,
+            seed,
+            estimate,
+            pose_delay: 0.015,
+        };
+        run(&scenario).unwrap()
+    }
+
+    #[test]
+    fn the_tool_yields_as_its_spring() {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
+        for estimate in [false, true] {
+            let record = pushed(&config, estimate, 1);
+            let x = &record.get("tool_position").unwrap().values;
+            let settled: Vec<f64> = x.chunks(3).skip(5000).map(|p| p[0]).collect();
+            let mean = settled.iter().sum::<f64>() / settled.len() as f64;
+            assert!((mean - (1.4 - 0.2) / 6.0).abs() < 2e-3, "{estimate}: {mean}");
+        }
+    }
+
+    #[test]
+    fn a_flight_from_the_ground_takes_off_hovers_and_yields() {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
+        let push = Push { at: 12.0, duration: 20.0, force: [1.4, 0.0, 0.0], torque: [0.0; 3] };
+        for estimate in [false, true] {
+            let record = run(&Scenario {
+                config: &config,
+                start: Start::Ground(None),
+                pushes: Pushes::new(vec![push]),
+                duration: 24.0,
+                truth: TruthSection::default(),
+                sensors: SensorParams::EXPERIMENTS,
+                seed: 1,
+                estimate,
+                pose_delay: 0.015,
+            })
+            .unwrap();
+            let last = |name: &str| {
+                let column = record.get(name).unwrap();
+                column.values[column.values.len() - column.width..].to_vec()
+            };
+            assert_eq!(
+                last("phase"),
+                [f64::from(tilthex_core::supervisor::Phase::Flying as u8)],
+                "{estimate}"
+            );
+            let offset = last("tool_position")[0] - last("setpoint_position")[0];
+            assert!((offset - 0.2).abs() < 0.01, "{estimate}: {offset}");
+        }
+    }
+
+    #[test]
+    fn a_seed_is_a_flight() {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex-light").unwrap());
+        assert_eq!(pushed(&config, true, 3), pushed(&config, true, 3));
+        assert_ne!(pushed(&config, true, 3), pushed(&config, true, 4));
+    }
+}

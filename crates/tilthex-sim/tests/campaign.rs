@@ -1,0 +1,70 @@
+//! The fault campaign itself: its flights are reproducible, and its judge is awake.
+
+use std::path::Path;
+
+use tilthex_config::Config;
+use tilthex_core::supervisor::{Fault, Reaction};
+use tilthex_link::LinkedFlight;
+use tilthex_sim::{
+    Push, Pushes, Simulation, SimulationParams,
+    campaign::{self, Injection, Kind, World},
+};
+
+fn hovering() -> World {
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    campaign::hover(config.linked_params(true).expect("valid")).expect("it hovers")
+}
+
+fn injection(kind: Kind, duration: f64) -> Injection {
+    Injection { kind, begin: 1.0, duration, strength: 0.5, index: 0 }
+}
+
+#[test]
+fn without_faults_nothing_is_reported() {
+    let outcome = campaign::fly(hovering(), vec![], 1);
+    assert_eq!(outcome.failure, None);
+    assert_eq!(outcome.reaction, Reaction::Note);
+    assert!(outcome.ended, "{outcome:?}");
+    assert!(outcome.deviation < 0.01, "{outcome:?}");
+}
+
+#[test]
+fn the_same_seed_is_the_same_flight() {
+    let world = hovering();
+    let faults = vec![injection(Kind::BitFlips, 2.0), injection(Kind::CaptureNoise, 1.0)];
+    let first = campaign::fly(world.clone(), faults.clone(), 5);
+    assert_eq!(first, campaign::fly(world.clone(), faults.clone(), 5));
+    assert_ne!(first, campaign::fly(world, faults, 6));
+}
+
+#[test]
+fn faults_are_seen_and_answered_as_the_table_says() {
+    let world = hovering();
+    for (kind, duration, fault, reaction) in [
+        (Kind::CaptureLost, 0.3, Fault::PoseLost, Reaction::Hold),
+        (Kind::CaptureLost, 1.0, Fault::PoseLostLong, Reaction::Land),
+        (Kind::ImuFrozen, 2.0, Fault::ImuFrozen, Reaction::Land),
+        (Kind::Stopped, 0.1, Fault::OverrunLong, Reaction::Hold),
+        (Kind::Unplugged, 60.0, Fault::LinkLost, Reaction::Descend),
+        (Kind::DiskFull, 2.0, Fault::LogLost, Reaction::Note),
+        (Kind::Reboot, 0.1, Fault::ImuSilent, Reaction::Land),
+    ] {
+        let outcome = campaign::fly(world.clone(), vec![injection(kind, duration)], 1);
+        assert!(outcome.seen.contains(fault), "{kind:?}: {outcome:?}");
+        assert!(outcome.reaction >= reaction, "{kind:?}: {outcome:?}");
+        assert_eq!(outcome.failure, None, "{kind:?}");
+    }
+}
+
+#[test]
+fn the_judge_sees_a_vehicle_that_flies_away() {
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let params = config.linked_params(true).expect("valid");
+    let mut simulated = SimulationParams::new(params.flight.vehicle);
+    // More than its rotors can hold against.
+    let push = Push { at: 10.0, duration: 20.0, force: [60.0, 0.0, 0.0], torque: [0.0; 3] };
+    simulated.pushes = Pushes::new(vec![push]);
+    let world = World::new(Simulation::new(simulated), LinkedFlight::new(params, None).expect("valid"), 1);
+    let failure = campaign::fly(world, vec![], 1).failure.expect("seen");
+    assert!(failure.contains("flew away"), "{failure}");
+}
