@@ -52,6 +52,8 @@ class Line:
                 end.close()
 
     def close(self):
+        # Closing alone does not wake the thread that waits in `accept`: it would take one connection more.
+        self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
         self.cut()
 

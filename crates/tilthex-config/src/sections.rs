@@ -32,7 +32,8 @@ section! {
         uri: String = String::new(),
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),
-        /// Age of a pose when it leaves a system that does not tell it (VRPN, or cameras without exposure times), s.
+        /// Age of a pose when it leaves a system that does not tell it (VRPN, or cameras without exposure times), s;
+        /// at most 0.08, since older poses count as lost.
         latency: f64 = 0.0,
     }
 }
@@ -86,7 +87,7 @@ section! {
 section! {
     /// The log.
     pub LogSection as "log" {
-        /// The MCAP file to write; empty for none.
+        /// The MCAP file to write; empty for none. One that exists is replaced only with --overwrite.
         path: String = String::new(),
     }
 }
