@@ -45,6 +45,10 @@ section! {
         take_off_height: f64 = 0.6,
         /// Time of the first hover in which the observer's bias is learnt, s; 0 for none.
         bias_time: f64 = 2.0,
+        /// What is flown at the first hover to learn the model from, without contact: "none", "hover" (level) or
+        /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). What is learnt takes the
+        /// place of the bias.
+        calibration: String = "none".into(),
         /// Largest velocity on the way to a way-point, m/s.
         max_velocity: f64 = 0.4,
         /// Largest acceleration on the way to a way-point, m/s^2.
