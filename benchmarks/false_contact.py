@@ -66,8 +66,8 @@ def main() -> None:
             ("level", 0.0, "air"),
             ("15 deg", 15.0, "air"),
             ("15 deg after a level hover", 15.0, "none"),
-            ("15 deg after calibration = \"hover\"", 15.0, "hover"),
-            ("15 deg after calibration = \"tilts\"", 15.0, "tilts"),
+            ('15 deg after calibration = "hover"', 15.0, "hover"),
+            ('15 deg after calibration = "tilts"', 15.0, "tilts"),
         ):
             seeds = range(arguments.first, arguments.first + arguments.seeds)
             found = np.array([false_contact(vehicle, truth, seed, degrees, calibration) for seed in seeds])

@@ -257,7 +257,9 @@ def _run(kind: str, table: Table) -> Run:
         raise ValueError(f"calibration is {calibration!r}; expected one of {', '.join(CALIBRATIONS)}")
     world = table.get("world", {"scene": "free"})
     if calibration != "none" and world.get("scene") == "clamp":
-        raise ValueError('calibration is "tilts" in the scene clamp; expected "none": the clamp holds the tool')
+        raise ValueError(
+            'calibration is "tilts" in the scene clamp; expected "none": the clamp holds the tool'
+        )
     noise = table.get("noise", {})
     _check_keys("[noise]", noise, {f.name for f in fields(Noise)})
     return Run(
