@@ -3,9 +3,9 @@
     python -m benchmarks.false_contact --seeds 40
 
 Hovers drawn vehicles, with the estimator in the loop and the experiments' noise: level, tilted, tilted
-after a first level hover whose mean wrench was taken as the bias (`[mission] bias_time`), and tilted after the
-calibration flight (`[mission] calibration`). Prints a table of the mean wrench at the tool over the last seconds
-of each hover: median, 90th percentile and largest of all.
+after a first level hover whose mean wrench was taken as the bias (`[mission] bias_time`), and tilted after
+the calibration flight (`[mission] calibration`). Prints a table of the mean wrench at the tool over the last
+seconds of each hover: median, 90th percentile and largest of all.
 """
 
 from __future__ import annotations

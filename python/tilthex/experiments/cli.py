@@ -107,7 +107,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def changes(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the command line changes of the file: `--set`, `--vehicle`, `--truth`, `--calibration` and `--seed`."""
+    """What the command line changes of the file: `--set`, `--vehicle`, `--truth` and others."""
     from tilthex.experiments.spec import merge, read_toml
 
     result: dict[str, Any] = {}
