@@ -200,7 +200,8 @@ impl Orders {
 
     /// Keys of `[admittance]` that may change in flight, as its file names them.
     fn set_admittance(&mut self, changes: toml::Table) -> Result<Command, String> {
-        let section = section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
+        let section =
+            section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
         let filter = AdmittanceFilter::new(section.params()).map_err(|e: Error| e.to_string())?;
         self.admittance = section;
         Ok(Command::SetAdmittance(filter))

@@ -21,9 +21,16 @@ means a number without a unit. *In flight* names the order of the control socket
 fn default(value: Option<&Value>) -> String {
     match value {
         None => "not set".into(),
-        Some(Value::Float(x)) if x.is_nan() => "must be given".into(),
-        Some(Value::Array(all)) if all.iter().any(|v| v.as_float().is_some_and(f64::is_nan)) => "must be given".into(),
+        Some(value) if holds_nan(value) => "must be given".into(),
         Some(value) => format!("`{value}`"),
+    }
+}
+
+fn holds_nan(value: &Value) -> bool {
+    match value {
+        Value::Float(x) => x.is_nan(),
+        Value::Array(all) => all.iter().any(holds_nan),
+        _ => false,
     }
 }
 
@@ -89,14 +96,27 @@ fn a_declared_range_is_kept() {
 fn the_ends_of_a_range_are_accepted() {
     // These depend on other keys, which the sentence says.
     let together = ["estimator.latency", "mocap.latency", "estimator.history"];
-    for section in described().iter().filter(|s| ["pose_control", "mission", "supervisor", "estimator"].contains(&s.name)) {
-        for key in section.keys.iter().filter(|k| !together.contains(&format!("{}.{}", section.name, k.name).as_str())) {
+    for section in described()
+        .iter()
+        .filter(|s| ["pose_control", "mission", "supervisor", "estimator"].contains(&s.name))
+    {
+        for key in section
+            .keys
+            .iter()
+            .filter(|k| !together.contains(&format!("{}.{}", section.name, k.name).as_str()))
+        {
             let Some((min, max)) = key.range else { continue };
             for end in [min, max] {
                 let text =
                     format!("[vehicle]\npreset = \"tilt-hex\"\n[{}]\n{} = {end:?}\n", section.name, key.name);
                 let read = Config::from_text(&text, Path::new(""));
-                assert!(read.is_ok(), "{}.{} = {end}: {}", section.name, key.name, read.expect_err("refused"));
+                assert!(
+                    read.is_ok(),
+                    "{}.{} = {end}: {}",
+                    section.name,
+                    key.name,
+                    read.expect_err("refused")
+                );
             }
         }
     }

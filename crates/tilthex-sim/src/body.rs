@@ -156,7 +156,8 @@ impl Own {
         let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
         let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
         let mut body = self.plant.vehicle().body_wrench(&lost);
-        for ((rotor, speed), reversed) in self.plant.vehicle().rotors().iter().zip(speeds).zip(&self.reversed) {
+        for ((rotor, speed), reversed) in self.plant.vehicle().rotors().iter().zip(speeds).zip(&self.reversed)
+        {
             // A drag moment that acts the other way.
             let moment = rotor.spin * rotor.drag_coefficient * speed * speed.abs();
             body.torque += 2.0 * reversed * moment * rotor.axis_r;

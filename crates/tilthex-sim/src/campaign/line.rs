@@ -113,11 +113,7 @@ fn altered(bytes: &[u8], mut change: impl FnMut(&mut VehicleMessage)) -> Vec<u8>
 }
 
 /// Hands each frame on with whether it is hit, and a random number.
-fn each_frame(
-    fault: &Injection,
-    line: &mut Bytes<'_>,
-    pass: impl Fn(u64, bool, &[u8], &mut Vec<u8>),
-) {
+fn each_frame(fault: &Injection, line: &mut Bytes<'_>, pass: impl Fn(u64, bool, &[u8], &mut Vec<u8>)) {
     let mut out = Vec::with_capacity(line.bytes.len());
     for frame in frames(line.bytes) {
         let hit = line.random.uniform() < fault.between(0.05, 1.0);

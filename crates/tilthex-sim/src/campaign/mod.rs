@@ -209,7 +209,8 @@ fn one(
     let whole = seed.is_multiple_of(WHOLE_EVERY);
     let window = if whole { WHOLE_WINDOW } else { WINDOW };
     let count = 1 + (random.uniform() < 0.2) as usize;
-    let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, kinds, window, rotors)).collect();
+    let injections: Vec<_> =
+        (0..count).map(|_| Injection::random(&mut random, kinds, window, rotors)).collect();
     let whole = whole || injections.iter().any(|i| i.kind.is_built_in());
     let flown = catch_unwind(AssertUnwindSafe(|| -> Result<Outcome, SimError> {
         let world = match hovering {

@@ -53,7 +53,10 @@ pub(super) const GYRO_BIAS: Act = sensors(|fault, on| {
 
 pub(super) const ACCELEROMETER_BIAS: Act = sensors(|fault, on| {
     let step = fault.strength * fault.direction();
-    sense(fault, on, |noise| SensorParams { accelerometer_bias_i: noise.accelerometer_bias_i + step, ..noise });
+    sense(fault, on, |noise| SensorParams {
+        accelerometer_bias_i: noise.accelerometer_bias_i + step,
+        ..noise
+    });
 });
 
 pub(super) const IMU_SATURATED: Act = sensors(|fault, on| {

@@ -105,7 +105,8 @@ impl World {
 
     /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
     pub(super) fn log_fault(&self) -> Option<&'static str> {
-        let may_drop = self.injections.iter().any(|i| i.kind.acts().iter().any(|act| matches!(act, Act::Disk)));
+        let may_drop =
+            self.injections.iter().any(|i| i.kind.acts().iter().any(|act| matches!(act, Act::Disk)));
         match (self.disk.accounts_for_all(), self.disk.dropped()) {
             (false, _) => Some("the log lost a tick that was not counted"),
             (_, 1..) if !may_drop => Some("the log dropped a tick though the disk took them"),
@@ -198,7 +199,12 @@ impl World {
             for act in injection.kind.acts() {
                 if let Act::Received(spoil) = act {
                     let random = &mut self.random;
-                    pass(active.on, spoil, injection, Bytes { bytes: &mut bytes, held: received, imu, random, now, rotors });
+                    pass(
+                        active.on,
+                        spoil,
+                        injection,
+                        Bytes { bytes: &mut bytes, held: received, imu, random, now, rotors },
+                    );
                 }
             }
         }
@@ -255,7 +261,12 @@ impl World {
             for act in injection.kind.acts() {
                 if let Act::Sent(spoil) = act {
                     let random = &mut self.random;
-                    pass(active.on, spoil, injection, Bytes { bytes: &mut command, held: sent, imu, random, now, rotors });
+                    pass(
+                        active.on,
+                        spoil,
+                        injection,
+                        Bytes { bytes: &mut command, held: sent, imu, random, now, rotors },
+                    );
                 }
             }
         }
