@@ -73,7 +73,7 @@ def test_an_own_experiment_is_judged_by_the_module_beside_it(tmp_path: Path) -> 
     checks = judge_of(experiment).checks(experiment.runs[0], None)  # type: ignore[arg-type]
     assert [check.what for check in checks] == ["own"]
     (tmp_path / "my_slide.py").write_text("JUDGE = 3\n")
-    with pytest.raises(ValueError, match="my_slide.py: JUDGE is 3; expected a"):
+    with pytest.raises(ValueError, match=r"my_slide\.py: JUDGE is 3; expected a"):
         judge_of(experiment)
     # A file may name a built-in experiment that judges it; an unknown one is refused.
     own.write_text(text)

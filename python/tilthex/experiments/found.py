@@ -18,9 +18,9 @@ HERE = Path(__file__).parent
 def judge_of(experiment: Experiment) -> Judge:
     """How an experiment is judged.
 
-    A module that is called like the experiment (`-` as `_`) and stands beside its file judges it, with a `Judge`
-    called `JUDGE`; a built-in experiment has its module in this package. Without a module nothing is judged, and the
-    report shows every flight.
+    A module that is called like the experiment (`-` as `_`) and stands beside its file judges it,
+    with a `Judge` called `JUDGE`; a built-in experiment has its module in this package. Without a
+    module nothing is judged, and the report shows every flight.
 
     Raises:
         ValueError: The file names an experiment that has no module, or the module has no `JUDGE`.
@@ -33,8 +33,8 @@ def judge_of(experiment: Experiment) -> Judge:
         return _judge(importlib.import_module(f"tilthex.experiments.{name}"), experiment.kind)
     if experiment.kind_is_named:
         raise ValueError(
-            f"experiment = {experiment.kind!r}: found neither {beside} nor a built-in experiment of that name; "
-            f"expected one of {', '.join(built_in())}, or a module beside the file"
+            f"experiment = {experiment.kind!r}: found neither {beside} nor a built-in experiment of "
+            f"that name; expected one of {', '.join(built_in())}, or a module beside the file"
         )
     return Judge(_no_checks, _overviews)
 

@@ -94,7 +94,7 @@ class Run:
     waypoints: tuple[Waypoint, ...]
     limits: Table
     swing: Table
-    """A swing of the pose about the trajectory, whose frequency rises evenly; see `[trajectory.swing]` in docs/experiments.md."""
+    """A swing of the pose about the trajectory, whose frequency rises evenly; empty for none."""
     push: Table
     """`force` (N, W) at the tool from `start` to `end` (s)."""
     learn_bias: tuple[float, float]
