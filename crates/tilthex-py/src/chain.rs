@@ -64,7 +64,7 @@ impl Loop {
         params.guidance.max_setpoint_jump = f64::INFINITY;
         let count = params.vehicle.rotor_count();
         Ok(Self {
-            configured: config.checked.vehicle.clone(),
+            configured: config.checked.vehicle().clone(),
             flight: Box::new(Flight::new(params, None).map_err(convert::value_error)?),
             telemetry: Telemetry::new(count),
             commanded: Box::default(),
