@@ -128,7 +128,8 @@ impl fmt::Display for Refusal {
         match *self {
             Self::NoHover => write!(
                 f,
-                "no hover lasted {SHORTEST} s with a set-point at rest; expected one or more to learn the model from"
+                "no hover was still for {SHORTEST} s; expected one or more to learn the model from: the set-point must \
+                 rest, and nothing may touch the vehicle"
             ),
             Self::NotStill { hover, force, torque } => write!(
                 f,
