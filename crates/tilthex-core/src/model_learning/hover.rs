@@ -93,7 +93,7 @@ impl HoverMeter {
             *self = Self { rest: self.rest, ..Self::default() };
             return;
         }
-        if self.rest < SETTLE || !(dt > 0.0) {
+        if self.rest < SETTLE || dt <= 0.0 {
             return;
         }
         let momentum_r = vehicle.inertia() * omega;
