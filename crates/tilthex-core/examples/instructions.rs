@@ -6,7 +6,7 @@ use std::hint::black_box;
 use tilthex_core::{
     GRAVITY, Matrix3, Matrix6, PoseSample, Reference, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
-    allocation::{Allocator, AllocatorParams, AllocatorState, RotorStatus},
+    allocation::{Allocator, AllocatorParams, RotorStatus},
     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams},
@@ -73,7 +73,7 @@ fn controller_tick(count: usize, damping: f64) {
     for k in 0..count {
         let input = ControllerInput {
             state: hover.robot,
-            specific_force_r: Vector3::new(0.1, 0.2, GRAVITY + 0.01 * (k % 7) as f64),
+            specific_force_r: Vector3::new(0.05, 0.08, GRAVITY + 0.001 * (k % 7) as f64),
             rotor_speeds: hover.rotor_speeds,
             setpoint: Setpoint::hold(vehicle.tool().position_r, Matrix3::identity()),
             compliant: true,
