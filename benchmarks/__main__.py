@@ -61,9 +61,7 @@ def compiled_row(r: np.ndarray, zero: np.ndarray, up: np.ndarray, speeds: np.nda
     try:
         from benchmarks import numba_controller
     except ImportError:
-        print(
-            "controller tick beside a numba loop: left out, numba is not installed here (pip install '.[bench]')"
-        )
+        print("controller tick beside a numba loop: left out, there is no numba (pip install '.[bench]')")
         return
     ticked = (START, zero, r, zero, up, speeds, HOME.position, r, 0.002)
     looped, reference = numba_controller.Controller(VEHICLE, *SHAPE), plain.Controller(VEHICLE, *SHAPE)
