@@ -48,7 +48,10 @@ impl PoseSource for Session {
         let any: IpAddr =
             if server.is_ipv4() { Ipv4Addr::UNSPECIFIED.into() } else { Ipv6Addr::UNSPECIFIED.into() };
         let refuse = |e: std::io::Error| {
-            SourceError::new(format!("UDP poses cannot be received at port {}: {e}; name a free port", uri.port))
+            SourceError::new(format!(
+                "UDP poses cannot be received at port {}: {e}; name a free port",
+                uri.port
+            ))
         };
         let socket = UdpSocket::bind((any, uri.port)).map_err(refuse)?;
         socket.set_read_timeout(Some(READ_TIMEOUT)).map_err(refuse)?;
@@ -96,7 +99,9 @@ impl Session {
         let (length, from) = match self.socket.recv_from(&mut packet) {
             Ok(received) => received,
             Err(error) => {
-                if ![ErrorKind::WouldBlock, ErrorKind::TimedOut, ErrorKind::Interrupted].contains(&error.kind()) {
+                if ![ErrorKind::WouldBlock, ErrorKind::TimedOut, ErrorKind::Interrupted]
+                    .contains(&error.kind())
+                {
                     std::thread::sleep(READ_TIMEOUT);
                 }
                 return false;
