@@ -1,5 +1,5 @@
 //! What stands between the observer and the admittance filter: a low-pass and
-//! a dead zone ("Practical Implementation" in the paper; control.md section 7).
+//! a dead zone ("Practical Implementation" in the paper; docs/laws.md).
 
 use crate::{
     Error,

@@ -323,7 +323,7 @@ pub(crate) mod tests {
     use super::*;
     use std::string::ToString;
 
-    /// The paper's table 1 with the published rotor figures (control.md section 9).
+    /// The paper's table 1 with the published rotor figures (docs/laws.md).
     pub(crate) fn tilt_hex() -> Vehicle {
         let hexarotor = TiltedHexarotor {
             arm: 0.39,
