@@ -178,6 +178,11 @@ impl Controller {
         self.admittance = filter;
     }
 
+    /// Prepares for ticks of about `period` seconds, if it is not: others take longer.
+    pub fn prepare(&mut self, period: f64) {
+        self.admittance.prepare(period);
+    }
+
     /// Whether the vehicle can hover level and at rest without some rotors, and turn any way from
     /// there: bit `i` of `lost` is rotor `i`.
     #[must_use]
