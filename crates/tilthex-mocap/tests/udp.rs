@@ -112,7 +112,7 @@ fn nobody_who_sends_is_one_sentence() {
     let taken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).expect("a port");
     let port = taken.local_addr().expect("bound").port();
     let uri: MocapUri = format!("udp://127.0.0.1:{port}/hex").parse().expect("valid");
-    let refusal = || Client::start(&uri, ClientParams::default()).err().expect("refused").to_string();
+    let refusal = || Client::start(&uri, ClientParams::default()).expect_err("refused").to_string();
     assert!(refusal().contains("name a free port"), "{}", refusal());
     drop(taken);
     let message = refusal();
