@@ -1,6 +1,10 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, Section, SupervisorSection};
+use std::time::Duration;
+
+use super::{
+    Config, ConfigError, LinkSection, MissionSection, MocapSection, OrdersSection, Section, SupervisorSection,
+};
 use tilthex_core::{
     error::check_range,
     estimator::EstimatorParams,
@@ -28,7 +32,7 @@ impl Config {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            guidance: self.mission.params()?,
+            guidance: GuidanceParams { stream: self.orders.params()?, ..self.mission.params()? },
             watch: self.supervisor.params()?,
             take_off,
         };
@@ -143,13 +147,41 @@ impl MissionSection {
             take_off_height: self.take_off_height,
             bias_time: self.bias_time,
             limits: self.limits(),
+            stream: self.limits(),
             landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
         })
     }
 }
 
+impl OrdersSection {
+    /// The largest rates that an order may ask for.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits {
+            velocity: self.max_velocity,
+            acceleration: self.max_acceleration,
+            angular_velocity: self.max_angular_velocity_deg.to_radians(),
+            angular_acceleration: self.max_angular_acceleration_deg.to_radians(),
+        }
+    }
+
+    fn params(&self) -> Result<Limits, ConfigError> {
+        check::<Self>("max_velocity", self.max_velocity, 1e-3, 10.0)?;
+        check::<Self>("max_acceleration", self.max_acceleration, 1e-3, 20.0)?;
+        check::<Self>("max_angular_velocity_deg", self.max_angular_velocity_deg, 0.1, 1e3)?;
+        check::<Self>("max_angular_acceleration_deg", self.max_angular_acceleration_deg, 0.1, 1e4)?;
+        Ok(self.limits())
+    }
+}
+
 impl SupervisorSection {
+    /// Longest silence of an operator whose orders are flown; `None` for no limit.
+    #[must_use]
+    pub fn operator_timeout(&self) -> Option<Duration> {
+        (self.operator_timeout > 0.0).then(|| Duration::from_secs_f64(self.operator_timeout))
+    }
+
     fn params(&self) -> Result<WatchParams, ConfigError> {
         check::<Self>("battery_low", self.battery_low, 0.0, 100.0)?;
         check::<Self>("battery_critical", self.battery_critical, 0.0, 100.0)?;
@@ -160,6 +192,7 @@ impl SupervisorSection {
         check::<Self>("max_force", self.max_force, 0.1, 1e3)?;
         check::<Self>("max_torque", self.max_torque, 0.01, 1e3)?;
         check::<Self>("start_timeout", self.start_timeout, 1.0, 300.0)?;
+        check::<Self>("operator_timeout", self.operator_timeout, 0.0, 3600.0)?;
         Ok(WatchParams {
             battery_low: self.battery_low,
             battery_critical: self.battery_critical,

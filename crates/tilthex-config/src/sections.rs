@@ -75,12 +75,29 @@ section! {
         max_tilt_deg: f64 = 60.0,
         /// Largest speed, m/s.
         max_speed: f64 = 3.0,
-        /// Largest estimated force on the tool, N.
+        /// Largest estimated force on the tool, N; unless given, what the level vehicle can push.
         max_force: f64 = 40.0,
-        /// Largest estimated torque on the tool, N m.
+        /// Largest estimated torque on the tool, N m; likewise.
         max_torque: f64 = 5.0,
         /// Longest time from the first start command until all motors spin, s.
         start_timeout: f64 = 30.0,
+        /// Longest silence of the operator on the control socket while an order of theirs is flown, s; then the vehicle
+        /// holds, and lands later. 0 for no limit.
+        operator_timeout: f64 = 2.0,
+    }
+}
+
+section! {
+    /// What an order on the control socket may ask for, besides what the vehicle can push and hold.
+    pub OrdersSection as "orders" {
+        /// Largest velocity of a streamed set-point and of a route's limits, m/s.
+        max_velocity: f64 = 1.5,
+        /// Largest acceleration of either, m/s^2.
+        max_acceleration: f64 = 4.0,
+        /// Largest angular velocity of either, degrees/s.
+        max_angular_velocity_deg: f64 = 90.0,
+        /// Largest angular acceleration of either, degrees/s^2.
+        max_angular_acceleration_deg: f64 = 360.0,
     }
 }
 

@@ -14,6 +14,7 @@ use tilthex_core::{
         AirborneStart, Command, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured,
         Record, Telemetry,
     },
+    trajectory::Limits,
     types::PoseSample,
 };
 
@@ -57,7 +58,10 @@ impl Loop {
     fn new(config: &Config) -> PyResult<Self> {
         let mut params = config.checked.flight_params(true).map_err(convert::config_error)?;
         // Whoever gives every set-point may let it jump.
-        params.guidance.max_setpoint_jump = f64::INFINITY;
+        let none = f64::INFINITY;
+        params.guidance.max_setpoint_jump = none;
+        params.guidance.stream =
+            Limits { velocity: none, acceleration: none, angular_velocity: none, angular_acceleration: none };
         let count = params.vehicle.rotor_count();
         Ok(Self {
             flight: Box::new(Flight::new(params, None).map_err(convert::value_error)?),

@@ -55,12 +55,13 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let mut lines = VecDeque::new();
     log.each(|channel, data| {
         if channel.topic == "/command" {
-            lines.extend(m::Command::decode(data).map(|command| command.json));
+            let order = m::Command::decode(data).ok().filter(|order| !order.urgent);
+            lines.extend(order.map(|order| order.json));
         }
     });
     let mut replayer = Replayer {
         linked: LinkedFlight::new(params, route).map_err(|e| set_up(&e))?,
-        orders: Orders::new(limits, params.flight.controller.admittance),
+        orders: Orders::of(&config),
         lines,
         rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),
@@ -138,13 +139,21 @@ impl Replayer {
                 .lines
                 .pop_front()
                 .ok_or_else(|| format!("the order of tick {} is missing", input.tick))?;
-            Some(self.orders.parse(&line)?)
+            let command = self.orders.parse(&line)?;
+            self.orders.obeyed(&command);
+            Some(command)
         } else {
             None
         };
         let poses: Option<Vec<PoseSample>> = input.poses.iter().map(pose_from).collect();
         let poses = poses.ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
-        let host = HostFacts { land: input.land, link_lost: input.link_lost, log_lost: input.log_lost };
+        let host = HostFacts {
+            land: input.land,
+            kill: input.kill,
+            operator_silent: input.operator_silent,
+            link_lost: input.link_lost,
+            log_lost: input.log_lost,
+        };
         let tick = WireInput {
             time: input.time,
             bytes: &input.link,

@@ -7,7 +7,11 @@ use clap::{Parser, Subcommand};
 use tilthex_config::{Config, VehicleSection};
 use tilthex_sim::campaign::Kind;
 
-use crate::{Failure, control_socket::DEFAULT_ADDRESS, realtime::Demand};
+use crate::{
+    Failure,
+    control::{DEFAULT_ADDRESS, Token},
+    realtime::Demand,
+};
 
 /// Flies a fully actuated multirotor as an end-effector.
 ///
@@ -69,13 +73,18 @@ pub struct Args {
     #[arg(long, requires = "sim", default_value_t = 1)]
     pub seed: u64,
 
-    /// Take orders there from `tilthex.connect()`
+    /// Start the motors and take off as soon as everything is ready. Without it they start by the order take_off,
+    /// and never without --control
+    #[arg(long)]
+    pub take_off: bool,
+
+    /// Take orders there from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket of this user alone
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
 
-    /// Do not take off before an order to
-    #[arg(long, requires = "control")]
-    pub wait: bool,
+    /// Take orders only from clients that say the token in this file first; an address beyond this computer needs one
+    #[arg(long, value_name = "FILE", requires = "control")]
+    pub control_token_file: Option<PathBuf>,
 
     /// What to do where the machine refuses real-time rights
     #[arg(long, value_enum, default_value = "prefer", global = true)]
@@ -115,6 +124,27 @@ pub(super) enum Action {
 }
 
 impl Args {
+    /// What every client must say first, where they name one.
+    ///
+    /// # Errors
+    /// One sentence: the file cannot be read, or holds no token.
+    pub fn token(&self) -> Result<Option<Token>, Failure> {
+        self.control_token_file.as_deref().map(Token::read).transpose()
+    }
+
+    /// Refuses a flight of a vehicle that nothing could ever begin.
+    ///
+    /// # Errors
+    /// One sentence.
+    pub fn check_start(&self) -> Result<(), Failure> {
+        if self.take_off || self.control.is_some() || !(self.sim || self.port.is_some()) {
+            return Ok(());
+        }
+        Err(Failure::usage(
+            "nothing starts the motors: let them start by themselves with --take-off, or by an order with --control",
+        ))
+    }
+
     /// The set-up they name.
     ///
     /// # Errors
