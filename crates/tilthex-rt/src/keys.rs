@@ -10,10 +10,11 @@ use std::{
 };
 
 use rustix::{
-    event::{PollFd, PollFlags, Timespec, poll},
+    event::{PollFd, PollFlags, poll},
     process::getpgrp,
     stdio::stdin,
     termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr},
+    time::Timespec,
 };
 
 use crate::flags::Flags;
@@ -55,7 +56,7 @@ impl Keys {
 
 /// Waits for a moment, and takes what was struck.
 fn read(flags: &Flags) -> io::Result<()> {
-    let mut waiting = [PollFd::new(&stdin(), PollFlags::IN)];
+    let mut waiting = [PollFd::from_borrowed_fd(stdin(), PollFlags::IN)];
     if poll(&mut waiting, Some(&LOOK))? == 0 {
         return Ok(());
     }

@@ -103,9 +103,8 @@ impl Orders {
             max_translation: text.max_translation.unwrap_or(now.max_translation),
             max_rotation: text.max_rotation.unwrap_or(now.max_rotation),
         };
-        let filter = AdmittanceFilter::new(params).map_err(|e: Error| e.to_string())?;
         self.bounds.check_admittance(&params, text.mass.is_some(), text.damping.is_some())?;
-        Ok(Command::SetAdmittance(filter))
+        AdmittanceFilter::new(params).map(Command::SetAdmittance).map_err(|e: Error| e.to_string())
     }
 }
 

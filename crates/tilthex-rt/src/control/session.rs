@@ -157,7 +157,8 @@ impl Session {
     /// The state that is due, if one is. Whole periods that were missed are left out.
     pub(super) fn due(&mut self, now: Nanos) -> Option<Value> {
         let stream = self.stream.as_mut().filter(|stream| now >= stream.next)?;
-        stream.next += stream.period * ((now - stream.next) / stream.period + 1);
+        let missed = (now - stream.next) / stream.period;
+        stream.next = stream.next.saturating_add(stream.period.saturating_mul(missed + 1));
         Some(json!({"state": self.state()}))
     }
 
