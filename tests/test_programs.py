@@ -16,6 +16,8 @@ import pytest
 import tilthex
 
 ROOT = Path(__file__).parent.parent
+# What starts the motors of a vehicle at a port, whose battery the set-up does not know.
+FLY = ["--take-off", "--no-battery-limits"]
 PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
 
 
@@ -82,9 +84,9 @@ def sentence(result, status):
     ("arguments", "status", "says"),
     [
         ([], 2, "--port"),
-        (["--take-off", "--port", "/dev/no-such-port"], 3, "does not exist"),
-        (["--take-off", "--port", "/dev/null"], 3, "no serial port"),
-        (["--take-off", "--port", "FT0815"], 3, 'serial number "FT0815"'),
+        ([*FLY, "--port", "/dev/no-such-port"], 3, "does not exist"),
+        ([*FLY, "--port", "/dev/null"], 3, "no serial port"),
+        ([*FLY, "--port", "FT0815"], 3, 'serial number "FT0815"'),
         (["--sim", "--config", "no.toml"], 2, "no.toml"),
         (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
         (["--sim", "--take-off", "--pushes", "no.toml"], 2, "no.toml"),
@@ -98,7 +100,8 @@ def sentence(result, status):
         (["--sim", "--control", "[::ffff:0.0.0.0]:0"], 2, "every network"),
         (["--sim", "--control", "192.0.2.1:0"], 2, "--control-token-file"),
         (["--sim", "--duration", "1"], 2, "--take-off"),
-        (["--port", "/dev/null"], 2, "--take-off"),
+        (["--port", "/dev/null", "--no-battery-limits"], 2, "--take-off"),
+        (["--port", "/dev/null", "--take-off"], 2, "--no-battery-limits"),
         (["replay", "/dev/null"], 2, "MCAP"),
     ],
 )
@@ -121,7 +124,7 @@ def test_the_printed_configuration_is_a_configuration(tmp_path):
 def test_a_port_that_answers_something_else(tmp_path):
     master, slave = os.openpty()
     os.set_blocking(master, False)
-    with started("--take-off", "--port", os.ttyname(slave), "--baud", "0") as process:
+    with started(*FLY, "--port", os.ttyname(slave), "--baud", "0") as process:
         while process.poll() is None:
             with contextlib.suppress(BlockingIOError):
                 if b"?" in os.read(master, 1000):
@@ -134,7 +137,9 @@ def test_a_port_that_answers_something_else(tmp_path):
 
 def test_no_answer_and_no_pose():
     master, slave = os.openpty()
-    assert "no vehicle identified itself" in sentence(run("--take-off", "--port", os.ttyname(slave), "--baud", "0"), 3)
+    assert "no vehicle identified itself" in sentence(
+        run(*FLY, "--port", os.ttyname(slave), "--baud", "0"), 3
+    )
     os.close(master)
 
 
@@ -188,7 +193,7 @@ def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
 def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_path):
     log = tmp_path / "flight.mcap"
     with vehicle("--mocap", "natnet://127.0.0.1:17410/TILTHEX") as (simulated, port):
-        arguments = ["--take-off", "--port", port, "--baud", "0", "--mocap", "natnet://127.0.0.1:17410/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", "natnet://127.0.0.1:17410/TILTHEX"]
         with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
             with tilthex.connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")
@@ -211,7 +216,7 @@ def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_pat
 def test_a_pulled_port_in_flight_is_the_links_fault(tmp_path):
     log = tmp_path / "flight.mcap"
     with vehicle("--mocap", "vrpn://127.0.0.1:17411/TILTHEX") as (simulated, port):
-        arguments = ["--take-off", "--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17411/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17411/TILTHEX"]
         with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
             with tilthex.connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")
@@ -291,7 +296,9 @@ def test_the_loop_makes_only_the_system_calls_that_are_documented(tmp_path):
     assert listed
     trace = tmp_path / "trace"
     with (
-        started("--sim", "--take-off", "--control", "127.0.0.1:0", "--log", tmp_path / "flight.mcap") as process,
+        started(
+            "--sim", "--take-off", "--control", "127.0.0.1:0", "--log", tmp_path / "flight.mcap"
+        ) as process,
         tilthex.connect(port=control_port(process)) as flight,
     ):
         wait_for(flight, lambda state: state["phase"] == "flying")

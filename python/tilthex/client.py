@@ -12,6 +12,7 @@ with tilthex.connect() as flight:
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import socket
@@ -106,7 +107,7 @@ class Flight:
         self._socket.close()
 
     def take_controls(self) -> None:
-        """Takes the controls from whoever holds them: orders of others are refused from now on, but `land` and `kill`."""
+        """Takes the controls from whoever holds them; orders of others, but `land` and `kill`, are refused."""
         self._order("take_controls")
 
     def take_off(self) -> None:
@@ -274,11 +275,10 @@ class Flight:
 
     def _beat(self) -> None:
         # Without an id, it is not answered.
-        while not self._closed.wait(HEARTBEAT):
-            try:
+        # The flight may end before this does.
+        with contextlib.suppress(OSError):
+            while not self._closed.wait(HEARTBEAT):
                 self._send({"command": "heartbeat"})
-            except OSError:
-                return
 
     def _read(self) -> dict[str, Any] | None:
         try:

@@ -63,9 +63,10 @@ section! {
 section! {
     /// Limits whose crossing is a fault; docs/faults.md says what follows.
     pub SupervisorSection as "supervisor" {
-        /// The vehicle does not start, and lands, below this battery voltage, V; 0 for no limit.
+        /// The vehicle does not start, and lands, below this battery voltage, V; 0 for no limit, which
+        /// `tilthex-rt --port` takes only with --no-battery-limits.
         battery_low: f64 = 0.0,
-        /// Critical battery voltage, V; 0 for no limit.
+        /// Critical battery voltage, V; 0 likewise.
         battery_critical: f64 = 0.0,
         /// Largest distance from the reference, m.
         max_position_error: f64 = 0.3,

@@ -86,6 +86,10 @@ pub struct Args {
     #[arg(long, value_name = "FILE", requires = "control")]
     pub control_token_file: Option<PathBuf>,
 
+    /// Fly the vehicle at --port though its set-up names no battery voltage at which it lands
+    #[arg(long)]
+    pub no_battery_limits: bool,
+
     /// What to do where the machine refuses real-time rights
     #[arg(long, value_enum, default_value = "prefer", global = true)]
     pub realtime: Demand,
@@ -132,11 +136,18 @@ impl Args {
         self.control_token_file.as_deref().map(Token::read).transpose()
     }
 
-    /// Refuses a flight of a vehicle that nothing could ever begin.
+    /// Refuses a flight of a vehicle that nothing could ever begin, or that an empty battery would end.
     ///
     /// # Errors
     /// One sentence.
-    pub fn check_start(&self) -> Result<(), Failure> {
+    pub fn check_start(&self, config: &Config) -> Result<(), Failure> {
+        let limited = config.supervisor.battery_low > 0.0 && config.supervisor.battery_critical > 0.0;
+        if self.port.is_some() && !limited && !self.no_battery_limits {
+            return Err(Failure::usage(
+                "no battery limits are known: give battery_low and battery_critical (V) in [supervisor] of the set-up, or \
+                 fly without them with --no-battery-limits",
+            ));
+        }
         if self.take_off || self.control.is_some() || !(self.sim || self.port.is_some()) {
             return Ok(());
         }

@@ -63,7 +63,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     }
     let token = args.token()?;
     let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
-    args.check_start()?;
+    args.check_start(&config)?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
     let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
