@@ -18,6 +18,8 @@ import tilthex
 ROOT = Path(__file__).parent.parent
 # What starts the motors of a vehicle at a port, whose battery the set-up does not know.
 FLY = ["--take-off", "--no-battery-limits"]
+# A simulated flight that hovers until an order.
+HOVER = ["--sim", "--take-off", "--control", "127.0.0.1:0"]
 PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
 
 
@@ -296,9 +298,7 @@ def test_the_loop_makes_only_the_system_calls_that_are_documented(tmp_path):
     assert listed
     trace = tmp_path / "trace"
     with (
-        started(
-            "--sim", "--take-off", "--control", "127.0.0.1:0", "--log", tmp_path / "flight.mcap"
-        ) as process,
+        started(*HOVER, "--log", tmp_path / "flight.mcap") as process,
         tilthex.connect(port=control_port(process)) as flight,
     ):
         wait_for(flight, lambda state: state["phase"] == "flying")

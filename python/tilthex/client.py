@@ -107,7 +107,7 @@ class Flight:
         self._socket.close()
 
     def take_controls(self) -> None:
-        """Takes the controls from whoever holds them; orders of others, but `land` and `kill`, are refused."""
+        """Takes the controls from whoever holds them; others may only `land` and `kill` from now on."""
         self._order("take_controls")
 
     def take_off(self) -> None:
