@@ -46,7 +46,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let set_up = |e: &dyn std::fmt::Display| format!("has a set-up that this version does not take: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
-    let limits = config.mission.limits();
+    let limits = config.mission().limits();
     let route = attachments.trajectory.as_deref().map(|text| orders::parse_route(text, &limits));
     let route = route.transpose().map_err(|e| set_up(&e))?;
     for channel in log.channels().values() {
@@ -61,7 +61,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     });
     let mut replayer = Replayer {
         linked: LinkedFlight::new(params, route).map_err(|e| set_up(&e))?,
-        orders: Orders::of(&config),
+        orders: Orders::new(&config),
         lines,
         rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),
@@ -139,9 +139,7 @@ impl Replayer {
                 .lines
                 .pop_front()
                 .ok_or_else(|| format!("the order of tick {} is missing", input.tick))?;
-            let command = self.orders.parse(&line)?;
-            self.orders.obeyed(&command);
-            Some(command)
+            Some(self.orders.parse(&line)?)
         } else {
             None
         };

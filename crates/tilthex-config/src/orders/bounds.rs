@@ -30,13 +30,13 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Of a set-up.
     pub(super) fn of(config: &Config) -> Self {
-        let vehicle = config.vehicle.vehicle();
+        let vehicle = config.vehicle().vehicle();
         let admittance = &config.controller().admittance;
         Self {
-            rates: config.orders.limits(),
+            rates: config.orders().limits(),
             reach: Reach::of(vehicle, config.controller().attitude.max_turn),
-            force: config.supervisor.max_force,
-            torque: config.supervisor.max_torque,
+            force: config.supervisor().max_force,
+            torque: config.supervisor().max_torque,
             mass: LEAST_MASS * vehicle.mass(),
             inertia: LEAST_MASS * vehicle.inertia().symmetric_eigenvalues().min(),
             max_translation: admittance.max_translation,
@@ -114,7 +114,8 @@ impl Bounds {
             ));
         }
         check("max_translation (m)", params.max_translation, self.max_translation, "[admittance]")?;
-        check("max_rotation (rad)", params.max_rotation, self.max_rotation, "[admittance] max_rotation_deg")
+        let (found, most) = (params.max_rotation.to_degrees(), self.max_rotation.to_degrees());
+        check("max_rotation_deg", found, most, "[admittance]")
     }
 }
 

@@ -10,33 +10,33 @@ use std::path::Path;
 
 use serde::de::DeserializeOwned;
 use tilthex_core::{
-    Error, Matrix3, Matrix6, Setpoint, Vector3,
-    admittance::{AdmittanceFilter, AdmittanceParams},
+    Error, Matrix3, Setpoint, Vector3,
+    admittance::AdmittanceFilter,
     flight::{Command, Route},
     so3,
     trajectory::Limits,
 };
 
-use crate::{Config, ConfigError, files};
+use crate::{AdmittanceSection, Config, ConfigError, files, section};
 use bounds::Bounds;
-use text::{AdmittanceText, FollowText, Nothing, RouteText, SquareText, WrenchText, matrix3};
+use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
 
 /// Reads the orders that go through the loop's ring (`kill` and `land` do not), and checks them against what the
-/// vehicle can do. It remembers the admittance parameters, of which an order may change a part.
+/// vehicle can do. It remembers the section `[admittance]`, of which an order may change a part.
 #[derive(Clone, Debug)]
 pub struct Orders {
     limits: Limits,
-    admittance: AdmittanceParams,
+    admittance: AdmittanceSection,
     bounds: Bounds,
 }
 
 impl Orders {
     /// Of a set-up.
     #[must_use]
-    pub fn of(config: &Config) -> Self {
+    pub fn new(config: &Config) -> Self {
         Self {
-            limits: config.mission.limits(),
-            admittance: config.controller().admittance,
+            limits: config.mission().limits(),
+            admittance: config.admittance().clone(),
             bounds: Bounds::of(config),
         }
     }
@@ -45,7 +45,7 @@ impl Orders {
     ///
     /// # Errors
     /// One sentence: what is wrong with it, and what was expected.
-    pub fn parse(&self, line: &str) -> Result<Command, String> {
+    pub fn parse(&mut self, line: &str) -> Result<Command, String> {
         let mut object: serde_json::Map<String, serde_json::Value> =
             serde_json::from_str(line).map_err(|e| format!("not a JSON object: {e}"))?;
         let name = match object.remove("command") {
@@ -56,14 +56,7 @@ impl Orders {
         self.command(&name, rest).map_err(|e| format!("{name}: {e}"))
     }
 
-    /// An order that was read is obeyed: what it changes, later ones change in part.
-    pub fn obeyed(&mut self, command: &Command) {
-        if let Command::SetAdmittance(filter) = command {
-            self.admittance = *filter.params();
-        }
-    }
-
-    fn command(&self, name: &str, rest: serde_json::Value) -> Result<Command, String> {
+    fn command(&mut self, name: &str, rest: serde_json::Value) -> Result<Command, String> {
         let nothing = |command| take::<Nothing>(rest.clone()).map(|_| command);
         match name {
             "take_off" => nothing(Command::TakeOff),
@@ -85,26 +78,24 @@ impl Orders {
                 self.bounds.check_wrench(&Matrix3::identity(), &wrench_w)?;
                 Ok(Command::SetWrench(wrench_w))
             }
-            "set_admittance" => self.set_admittance(&take(rest)?),
+            "set_admittance" => self.set_admittance(take(rest)?),
             _ => Err("no such command; expected take_off, play, follow, set_admittance, set_wrench, \
                       release_wrench, zero_bias, land, kill, take_controls, heartbeat, state or stream"
                 .into()),
         }
     }
 
-    fn set_admittance(&self, text: &AdmittanceText) -> Result<Command, String> {
-        let now = &self.admittance;
-        let matrix =
-            |text: &Option<SquareText>, now: &Matrix6| text.as_ref().map_or(*now, SquareText::matrix);
-        let params = AdmittanceParams {
-            mass: matrix(&text.mass, &now.mass),
-            damping: matrix(&text.damping, &now.damping),
-            stiffness: matrix(&text.stiffness, &now.stiffness),
-            max_translation: text.max_translation.unwrap_or(now.max_translation),
-            max_rotation: text.max_rotation.unwrap_or(now.max_rotation),
-        };
-        self.bounds.check_admittance(&params, text.mass.is_some(), text.damping.is_some())?;
-        AdmittanceFilter::new(params).map(Command::SetAdmittance).map_err(|e: Error| e.to_string())
+    /// Keys of `[admittance]` that may change in flight, as its file names them.
+    fn set_admittance(&mut self, changes: toml::Table) -> Result<Command, String> {
+        let names = |key: &str| changes.contains_key(key);
+        let (names_mass, names_damping) = (names("mass"), names("damping"));
+        let section =
+            section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
+        let params = section.params();
+        self.bounds.check_admittance(&params, names_mass, names_damping)?;
+        let filter = AdmittanceFilter::new(params).map_err(|e: Error| e.to_string())?;
+        self.admittance = section;
+        Ok(Command::SetAdmittance(filter))
     }
 }
 

@@ -9,7 +9,7 @@ const LIMITS: Limits =
     Limits { velocity: 0.5, acceleration: 1.0, angular_velocity: 0.5, angular_acceleration: 1.0 };
 
 fn orders() -> Orders {
-    Orders::of(&Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset")))
+    Orders::new(&Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset")))
 }
 
 /// The refusal of an order.
@@ -53,7 +53,7 @@ fn what_the_vehicle_cannot_do_is_refused_with_the_number() {
         (r#"{"command": "set_admittance", "mass": [1.5, 1.5, 1.5, 1e-9, 0.01, 0.02]}"#.to_string(), "mass"),
         (r#"{"command": "set_admittance", "damping": [0, 0, 0, 0, 0, 0]}"#.to_string(), "damping"),
         (r#"{"command": "set_admittance", "max_translation": 99}"#.to_string(), "max_translation"),
-        (r#"{"command": "set_admittance", "max_rotation": 3}"#.to_string(), "max_rotation"),
+        (r#"{"command": "set_admittance", "max_rotation_deg": 170}"#.to_string(), "max_rotation_deg"),
     ] {
         let error = refused(&line);
         assert!(error.contains(says), "{line}: {error}");
@@ -70,7 +70,7 @@ fn what_the_vehicle_can_do_is_taken() {
         r#"{"command": "set_admittance", "mass": [0.75, 0.75, 0.75, 0.01, 0.01, 0.02]}"#.to_string(),
         r#"{"command": "set_admittance", "damping": [3.5, 5, 40, 1.5, 1.5, 1.5], "stiffness": [0, 0, 0, 0, 0, 0]}"#
             .to_string(),
-        r#"{"command": "set_admittance", "max_translation": 0.3, "max_rotation": 0.5}"#.to_string(),
+        r#"{"command": "set_admittance", "max_translation": 0.3, "max_rotation_deg": 20}"#.to_string(),
     ] {
         if let Err(error) = orders().parse(&line) {
             panic!("{line}: {error}");
@@ -93,8 +93,7 @@ fn orders_without_arguments() {
 fn admittance_changes_add_up() {
     let mut orders = orders();
     let line = r#"{"command": "set_admittance", "stiffness": [8, 8, 8, 10, 10, 5]}"#;
-    let first = orders.parse(line).expect("valid");
-    orders.obeyed(&first);
+    orders.parse(line).expect("valid");
     let Ok(Command::SetAdmittance(filter)) =
         orders.parse(r#"{"command": "set_admittance", "max_translation": 0.5}"#)
     else {

@@ -2,7 +2,7 @@
 
 use serde::Deserialize;
 use tilthex_core::{
-    Matrix3, Matrix6, Vector6, Wrench,
+    Matrix3, Wrench,
     flight::Route,
     so3,
     trajectory::{Limits, Waypoint},
@@ -120,23 +120,6 @@ impl RouteText {
     }
 }
 
-/// Six numbers of a diagonal, or a 6x6 matrix row by row.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
-pub(super) enum SquareText {
-    Diagonal([f64; 6]),
-    Full(Box<[[f64; 6]; 6]>),
-}
-
-impl SquareText {
-    pub(super) fn matrix(&self) -> Matrix6 {
-        match self {
-            Self::Diagonal(d) => Matrix6::from_diagonal(&Vector6::from(*d)),
-            Self::Full(rows) => Matrix6::from_fn(|i, j| rows[i][j]),
-        }
-    }
-}
-
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FollowText {
@@ -152,16 +135,6 @@ pub(super) struct FollowText {
     pub(super) angular_acceleration: [f64; 3],
     #[serde(default)]
     pub(super) wrench: WrenchText,
-}
-
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct AdmittanceText {
-    pub(super) mass: Option<SquareText>,
-    pub(super) damping: Option<SquareText>,
-    pub(super) stiffness: Option<SquareText>,
-    pub(super) max_translation: Option<f64>,
-    pub(super) max_rotation: Option<f64>,
 }
 
 /// Each needs no more than its name.

@@ -49,7 +49,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
-            let route = orders::parse_route(text, &config.mission.limits());
+            let route = orders::parse_route(text, &config.mission().limits());
             Some(route.map_err(|e| Failure::usage(format!("{}: {e}", path.display())))?)
         }
         _ => None,
@@ -57,12 +57,12 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let flags = Flags::default();
     signals::land_or_ignore(&flags.interrupted)?;
-    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+    let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
     if let Some(path) = &log {
         LogFile::check(path, args.overwrite)?;
     }
     let token = args.token()?;
-    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
+    let client = config.mocap().client().map_err(|e| Failure::usage(e.to_string()))?;
     args.check_start(&config)?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
@@ -70,7 +70,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let (recorder, feed, truths) =
         Recorder::start(recorder_params(&config, log, trajectory, params.flight.take_off))?;
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
-    let orders = Orders::of(&config);
+    let orders = Orders::new(&config);
     let control = match &args.control {
         Some(address) => {
             let desk = Desk::new(orders, commands_in, recorder.observer(), flags.clone());
@@ -94,7 +94,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
     };
     let Peers { name, port, client: _client, poses } = peers;
-    let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
+    let period = Duration::from_secs_f64(1.0 / config.link().imu_rate);
     let control_loop = ControlLoop {
         linked,
         port,
@@ -106,7 +106,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
             period,
             duration: args.duration,
             land_after_route: args.trajectory.is_some(),
-            operator_timeout: config.supervisor.operator_timeout(),
+            operator_timeout: config.supervisor().operator_timeout(),
             patience: args.take_off.then_some(PATIENCE),
         },
     };
@@ -142,9 +142,9 @@ impl Peers {
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
             ));
         };
-        let uri = &config.mocap.uri;
+        let uri = &config.mocap().uri;
         let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
-        Self::open(port.clone(), config.link.baud, uri.as_ref(), client)
+        Self::open(port.clone(), config.link().baud, uri.as_ref(), client)
     }
 
     fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
@@ -211,7 +211,7 @@ fn recorder_params(
         log,
         black_box,
         attachments: Attachments { config: config.to_toml(), trajectory, take_off },
-        rotor_count: config.vehicle.vehicle().rotor_count(),
+        rotor_count: config.vehicle().vehicle().rotor_count(),
     }
 }
 
@@ -223,7 +223,7 @@ fn simulate(
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
-    let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+    let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
     let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;

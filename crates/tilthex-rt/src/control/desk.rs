@@ -85,14 +85,16 @@ impl Desk {
             }
             _ => {}
         }
-        let command = counter.orders.parse(&line)?;
+        // Only an order that is taken changes what the next one means.
+        let mut orders = counter.orders.clone();
+        let command = orders.parse(&line)?;
         if let Some(reason) = situation.refusal(&command, counter.streams) {
             return Err(format!("{name}: {reason}"));
         }
         if counter.ring.is_full() {
             return Err("the loop has not taken the orders before this one; try again".into());
         }
-        counter.orders.obeyed(&command);
+        counter.orders = orders;
         match &command {
             Command::Follow(_) => counter.streams = true,
             Command::Play(_) => counter.streams = false,

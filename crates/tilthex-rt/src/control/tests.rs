@@ -40,7 +40,7 @@ struct Office {
 impl Office {
     fn new(token: Option<Token>) -> Self {
         let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
-        let orders = Orders::of(&config);
+        let orders = Orders::new(&config);
         let (ring, commands) = RingBuffer::new(RING);
         let (recorder, feed, _) = Recorder::start(RecorderParams {
             log: None,
