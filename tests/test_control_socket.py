@@ -115,8 +115,11 @@ def test_a_unix_socket_and_a_token(tmp_path):
         assert f"unix:{path}" in process.stdout.readline()
         assert path.stat().st_mode & 0o777 == 0o600
         for wrong in (None, "incorrect horse battery"):
-            with pytest.raises((tilthex.OrderRefused, ConnectionError)):
-                tilthex.connect(path=path, token=wrong).kill()
+            with (
+                pytest.raises((tilthex.OrderRefused, ConnectionError)),
+                tilthex.connect(path=path, token=wrong) as stranger,
+            ):
+                stranger.kill()
         with tilthex.connect(path=path, token=token.read_text().strip()) as flight:
             flight.land()
             assert process.wait(20) == 130

@@ -64,7 +64,11 @@ def connect(
         else:
             connection = socket.socket(socket.AF_UNIX)
             connection.settimeout(timeout)
-            connection.connect(os.fspath(path))
+            try:
+                connection.connect(os.fspath(path))
+            except OSError:
+                connection.close()
+                raise
     except OSError as error:
         raise ConnectionError(
             f"no flight takes orders at {where} ({error}); start tilthex-rt with --control"

@@ -24,7 +24,7 @@ fn what_the_vehicle_cannot_do_is_refused_with_the_number() {
     for (line, says) in [
         (r#"{"command": "set_wrench", "force": [0, 0, -1e308]}"#.to_string(), "force"),
         (r#"{"command": "set_wrench", "force": [0, 1000, 0]}"#.to_string(), "force"),
-        (r#"{"command": "set_wrench", "force": [30, 0, 0]}"#.to_string(), "push so at its tool"),
+        (r#"{"command": "set_wrench", "force": [25, 0, 0]}"#.to_string(), "push so at its tool"),
         (r#"{"command": "set_wrench", "torque": [0, 0, 900]}"#.to_string(), "torque"),
         (format!(r#"{{"command": "follow", {LEVEL}, "velocity": [0, 0, -100]}}"#), "velocity"),
         (format!(r#"{{"command": "follow", {LEVEL}, "acceleration": [50, 0, 0]}}"#), "acceleration"),
