@@ -65,7 +65,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn whatever_is_streamed_is_no_faster_than_it_may_be(steps in prop::collection::vec((-0.1..0.1, -0.3..0.3, -2.0..2.0), 1..400)) {
+        fn whatever_is_streamed_is_no_faster_than_it_may_be(steps in prop::collection::vec((-0.1..0.1_f64, -0.3..0.3_f64, -2.0..2.0_f64), 1..400)) {
             let mut room = Room::full(&RATES, JUMP);
             let mut last = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
             let (mut way, mut turn, mut change) = (0.0, 0.0, 0.0_f64);
