@@ -104,7 +104,7 @@ def sentence(result, status):
         (["--sim", "--duration", "1"], 2, "--take-off"),
         (["--port", "/dev/null", "--no-battery-limits"], 2, "--take-off"),
         (["--port", "/dev/null", "--take-off"], 2, "--no-battery-limits"),
-        (["replay", "/dev/null"], 2, "MCAP"),
+        (["replay", "/dev/null"], 2, "it is a device; expected a file"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):

@@ -176,6 +176,12 @@ impl Allocator {
         Ok(Self::build(vehicle, params))
     }
 
+    /// The same for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::build(vehicle, self.params)
+    }
+
     fn build(vehicle: &Vehicle, params: AllocatorParams) -> Self {
         let (mut min_speed, mut max_speed) = (RotorVector::zeros(), RotorVector::zeros());
         for (i, rotor) in vehicle.rotors().iter().enumerate() {
@@ -310,8 +316,8 @@ impl Allocator {
     fn ordered_inverse(&self) -> AllocationInverse {
         let mut inverse = AllocationInverse::zeros();
         let (mut lower, mut upper) = (RotorVector::zeros(), RotorVector::zeros());
-        lower.rows_mut(0, self.rotor_count).fill(f64::NEG_INFINITY);
-        upper.rows_mut(0, self.rotor_count).fill(f64::INFINITY);
+        lower.iter_mut().take(self.rotor_count).for_each(|x| *x = f64::NEG_INFINITY);
+        upper.iter_mut().take(self.rotor_count).for_each(|x| *x = f64::INFINITY);
         for (r, mut column) in inverse.column_iter_mut().enumerate() {
             let mut unit = Vector6::zeros();
             unit[r] = 1.0;

@@ -27,6 +27,7 @@ pub mod error;
 pub mod estimator;
 pub mod filters;
 pub mod flight;
+pub mod model_learning;
 pub mod plant;
 pub mod pose_control;
 pub mod random;

@@ -1,5 +1,6 @@
 //! The vehicle: mass, rotors, tool and IMU, and the allocation matrix; (3)-(10).
 
+mod corrected;
 mod rotor;
 
 use crate::{
@@ -8,6 +9,7 @@ use crate::{
     so3,
     types::{MAX_ROTORS, Matrix3, RotorVector, Vector3},
 };
+pub use corrected::Correction;
 use nalgebra::SMatrix;
 pub use rotor::{Rotor, TiltedHexarotor};
 use rotor::{check_rotor, column};

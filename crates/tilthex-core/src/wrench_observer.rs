@@ -80,12 +80,17 @@ impl WrenchObserver {
                 check_range(name, *x, 1e-6, 1e5)?;
             }
         }
-        Ok(Self {
-            gains,
-            mass: vehicle.mass(),
-            inertia: *vehicle.inertia(),
-            allocation: *vehicle.allocation(),
-        })
+        Ok(Self::with_gains(vehicle, gains))
+    }
+
+    fn with_gains(vehicle: &Vehicle, gains: ObserverGains) -> Self {
+        Self { gains, mass: vehicle.mass(), inertia: *vehicle.inertia(), allocation: *vehicle.allocation() }
+    }
+
+    /// The same for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::with_gains(vehicle, self.gains)
     }
 
     /// The gains.
