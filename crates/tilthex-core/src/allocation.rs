@@ -88,6 +88,20 @@ impl Default for AllocatorParams {
 }
 
 /// The allocator of one vehicle.
+///
+/// ```
+/// use tilthex_core::{Vector3, Wrench, allocation::{Allocator, Priority}, examples, vehicle::speeds};
+///
+/// let vehicle = examples::tilt_hex()?;
+/// let allocator = Allocator::new(&vehicle);
+/// let lift = |z: f64| Wrench { force: Vector3::new(0.0, 0.0, z), torque: Vector3::zeros() }.to_vector();
+/// let hover = allocator.allocate(&lift(vehicle.weight()));
+/// assert!(!hover.saturated && speeds(&hover.inputs)[0] > 16.0);
+/// // More than the rotors have: what is given up is named.
+/// let most = allocator.allocate(&lift(1000.0));
+/// assert_eq!(most.given_up, Some(Priority::VerticalForce));
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocator {
     matrix: Matrix,

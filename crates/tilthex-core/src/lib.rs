@@ -25,6 +25,7 @@ pub mod clock_sync;
 pub mod controller;
 pub mod error;
 pub mod estimator;
+pub mod examples;
 pub mod filters;
 pub mod flight;
 pub mod model_learning;
