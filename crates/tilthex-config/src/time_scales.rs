@@ -1,5 +1,5 @@
 //! The inner loop must be faster than the observer, and the observer faster
-//! than the admittance filter (control.md section 7): their dominant poles.
+//! than the admittance filter (docs/laws.md): their dominant poles.
 
 use nalgebra::{SMatrix, Vector3};
 use tilthex_core::{Matrix6, controller::ControllerParams};

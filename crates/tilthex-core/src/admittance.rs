@@ -36,6 +36,31 @@ pub struct AdmittanceParams {
 }
 
 /// The admittance filter.
+///
+/// ```
+/// use tilthex_core::{
+///     Matrix3, Matrix6, Setpoint, Vector3, Wrench,
+///     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
+/// };
+///
+/// let filter = AdmittanceFilter::new(AdmittanceParams {
+///     mass: Matrix6::identity() * 1.5,
+///     damping: Matrix6::identity() * 10.0,
+///     stiffness: Matrix6::identity() * 6.0,
+///     max_translation: 1.0,
+///     max_rotation: 1.0,
+/// })?;
+/// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+/// let push = Wrench { force: Vector3::new(1.2, 0.0, 0.0), torque: Vector3::zeros() };
+/// let mut state = AdmittanceState::default();
+/// let mut yielded = filter.step(&mut state, &setpoint, &push, 0.002);
+/// for _ in 0..10_000 {
+///     yielded = filter.step(&mut state, &setpoint, &push, 0.002);
+/// }
+/// // 1.2 N against a spring of 6 N/m: 0.2 m.
+/// assert!((yielded.reference.position_w.x - 0.2).abs() < 1e-6);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdmittanceFilter {
     params: AdmittanceParams,

@@ -9,6 +9,7 @@ mod actuation;
 mod airborne;
 mod guidance;
 mod io;
+mod model;
 mod record;
 mod rotors;
 mod sensing;
@@ -20,6 +21,7 @@ mod watch;
 pub use airborne::AirborneStart;
 pub use guidance::GuidanceParams;
 pub use io::{Command, Commanded, HostFacts, KnownState, MAX_POSES, Measured, MotorCommand, Route};
+pub use model::ModelRecord;
 pub use record::{InputRecord, LinkCounters, Record};
 pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
@@ -33,6 +35,7 @@ use crate::{
     types::{RotorVector, Setpoint},
 };
 use guidance::Guidance;
+use model::ModelState;
 use rotors::RotorModel;
 use thrust::ThrustWatch;
 use touchdown::Touchdown;
@@ -69,6 +72,9 @@ pub struct Flight {
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
+    /// Likewise, that this is a contact-free flight to learn the model from.
+    learns_model: bool,
+    model: ModelState,
     start_refused: Option<StartError>,
     guidance: Guidance,
     route: Option<Route>,
@@ -115,6 +121,8 @@ impl Flight {
             estimator: Estimator::new(params.estimator)?,
             known: None,
             learns: false,
+            learns_model: false,
+            model: ModelState::new(&vehicle),
             start_refused: None,
             guidance: Guidance::new(params.guidance),
             route,
@@ -175,6 +183,7 @@ impl Flight {
 
     /// One tick: reads, estimates, supervises, controls, and says what to send.
     pub fn tick(&mut self, input: &Measured<'_>, out: &mut Commanded) {
+        self.change_model();
         let now = input.time;
         let period = self.time.replace(now).map_or(0.0, |last| (now - last).max(0.0));
         let dt = period.min(LONGEST_STEP);
@@ -246,6 +255,7 @@ impl Flight {
         conditions.insert_if(Fault::NotFinite, self.not_finite);
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
+        conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),

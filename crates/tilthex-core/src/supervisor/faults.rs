@@ -65,6 +65,7 @@ pub enum Fault {
     NotFinite = 36,
     StartTimeout = 37,
     Operator = 38,
+    CalibrationRefused = 39,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -146,7 +147,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 39;
+pub const COUNT: usize = 40;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -190,6 +191,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::NotFinite, "not finite", s("a controller output that is not a finite number", &[]), (0.0, 0.5), (Refuse, Land), s("the last good command is sent again", &[])),
     row(Fault::StartTimeout, "start timeout", s("a motor does not spin `[supervisor] start_timeout` after the first start command", &[]), (0.0, 0.0), (Refuse, Note), s("see the vehicle's own messages", &[])),
     row(Fault::Operator, "operator", s("SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
+    row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
 ];
 
 /// A set of faults.
