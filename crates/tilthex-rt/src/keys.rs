@@ -47,7 +47,11 @@ impl Keys {
         let mut keys = Self { stop: Arc::clone(&stop), thread: None, before };
         let read = move || {
             // A terminal that is gone says nothing more.
-            while !stop.load(Ordering::Relaxed) && read(&flags).is_ok() {}
+            while !stop.load(Ordering::Relaxed) {
+                if read(&flags).is_err() {
+                    return;
+                }
+            }
         };
         keys.thread = std::thread::Builder::new().name("keys".into()).stack_size(64 * 1024).spawn(read).ok();
         keys.thread.is_some().then_some(keys)

@@ -40,7 +40,11 @@ impl Connection {
 
     /// Serves until the client or the program ends.
     pub(super) fn serve(mut self, shared: &Shared) {
-        while !shared.stop.load(Ordering::Relaxed) && self.turn().is_ok() {}
+        while !shared.stop.load(Ordering::Relaxed) {
+            if self.turn().is_err() {
+                return;
+            }
+        }
     }
 
     fn turn(&mut self) -> io::Result<()> {
