@@ -142,7 +142,7 @@ impl MissionSection {
             bias_time: self.bias_time,
             calibration: self.calibration()?,
             limits: self.limits(),
-            landing_speed: self.toy_part * self.landing_speed,
+            landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
         })
     }

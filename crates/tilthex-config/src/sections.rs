@@ -59,8 +59,6 @@ section! {
         max_angular_acceleration_deg: f64 = 60.0 => "degrees/s^2" from 0.1 to 1e4,
         /// Speed of the descent to the ground.
         landing_speed: f64 = 0.25 => "m/s" from 0.05 to 1.0,
-        /// A toy: part of the landing speed that is flown.
-        toy_part: f64 = 1.0 => "1" from 0.1 to 1.0,
         /// Farthest a streamed set-point may be from the one before.
         max_setpoint_jump: f64 = 0.05 => "m" from 0.0 to 1.0,
     }

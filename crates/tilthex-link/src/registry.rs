@@ -1,6 +1,6 @@
 //! The links there are: one line each.
 
-use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, tk3, toy};
+use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, tk3};
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
@@ -78,6 +78,4 @@ macro_rules! links {
 links! {
     /// The serial protocol of the Telekyb3 family.
     Tk3 => "tk3", tk3::Host;
-    /// A text protocol.
-    Toy => "toy", toy::Host;
 }

@@ -207,7 +207,6 @@ impl Watch {
             let position = o.pose.position_error_w.norm() > p.max_position_error;
             let rotation = o.pose.rotation_error_r.norm() > p.max_rotation_error;
             set.insert_if(Fault::TrackingError, position || rotation);
-            set.insert_if(Fault::Toy, libm::fabs(state.angular_velocity_r.z) > 5.0);
             set.insert_if(Fault::Excursion, o.excursion_limited);
             let force = o.wrench_tool_w.force.norm() > p.max_force;
             set.insert_if(Fault::WrenchLimit, force || o.wrench_tool_w.torque.norm() > p.max_torque);

@@ -66,7 +66,6 @@ pub enum Fault {
     StartTimeout = 37,
     Operator = 38,
     CalibrationRefused = 39,
-    Toy = 40,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -148,7 +147,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 41;
+pub const COUNT: usize = 40;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -193,7 +192,6 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::StartTimeout, "start timeout", s("a motor does not spin `[supervisor] start_timeout` after the first start command", &[]), (0.0, 0.0), (Refuse, Note), s("see the vehicle's own messages", &[])),
     row(Fault::Operator, "operator", s("SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
     row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
-    row(Fault::Toy, "toy", s("a yaw rate above 5 rad/s", &[]), (0.1, 0.5), (Note, Note), s("a toy", &[])),
 ];
 
 /// A set of faults.

@@ -102,7 +102,6 @@ kinds! {
     Reboot, "the flight board restarts", [vehicle::REBOOT];
     Push, "a push of 0.5 to 15 N on the tool", [vehicle::PUSH];
     PushOnArm, "a push of 0.5 to 6 N at the end of an arm", [vehicle::PUSH_ON_ARM];
-    Toy, "a torque that turns the vehicle", [vehicle::TOY];
     Gusts, "gusts of wind with a force of 0.5 to 5 N", [vehicle::GUSTS];
     DiskFull, "the log can not be written", [Host(|host, on| host.log_lost |= on)];
     DiskSlow, "the log's disk stands still", [Disk];

@@ -126,11 +126,6 @@ pub(super) const GUSTS: Act = pressing(|fault, on| {
     on.simulation.disturb(Wrench::ZERO, Wrench { force, torque: Vector3::zeros() });
 });
 
-pub(super) const TOY: Act = pressing(|_, on| {
-    on.simulation
-        .disturb(Wrench::ZERO, Wrench { force: Vector3::zeros(), torque: Vector3::new(0.0, 0.0, 5.0) });
-});
-
 /// The rotor that a fault hits, from 0.
 fn rotor(fault: &Injection, on: &OnVehicle<'_>) -> usize {
     fault.rotor(on.simulation.vehicle().rotor_count())
