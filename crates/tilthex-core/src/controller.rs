@@ -276,7 +276,9 @@ impl Controller {
         let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);
-        let force_w = self.wanted_force(&self.pose.step(robot, &full), &observed);
+        // A turn of the reference does not move it.
+        let mut pose = self.pose.translation(robot, &full);
+        let force_w = self.wanted_force(&pose, &observed);
         let attitude = if input.fixed_attitude {
             state.attitude = AttitudeState::default();
             Attitude { reference: full, lead_r: Vector3::zeros(), force_w }
@@ -286,7 +288,7 @@ impl Controller {
         let robot_reference = attitude.reference;
         let mut asked = robot_reference;
         asked.angular_acceleration_r += attitude.lead_r;
-        let pose = self.pose.step(robot, &asked);
+        self.pose.rotation(&mut pose, robot, &asked);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &observed) }.to_vector();
