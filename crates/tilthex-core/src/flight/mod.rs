@@ -11,6 +11,7 @@ mod guidance;
 mod io;
 mod model;
 mod record;
+mod room;
 mod rotors;
 mod sensing;
 mod telemetry;
@@ -86,8 +87,6 @@ pub struct Flight {
     command: RotorVector,
     output: Option<ControllerOutput>,
     take_off: bool,
-    land: bool,
-    kill: bool,
     setpoint_refused: bool,
     /// A queued route was refused at the end of the last tick.
     route_refused: bool,
@@ -134,8 +133,6 @@ impl Flight {
             command: RotorVector::zeros(),
             output: None,
             take_off: params.take_off,
-            land: false,
-            kill: false,
             setpoint_refused: false,
             route_refused: false,
             not_finite: false,
@@ -206,14 +203,14 @@ impl Flight {
         match command {
             None => {}
             Some(Command::TakeOff) => self.take_off = true,
-            Some(Command::Land) => self.land = true,
-            Some(Command::Kill) => self.kill = true,
-            Some(Command::ZeroBias) => self.guidance.zero_bias(),
+            Some(Command::ZeroBias) => self.setpoint_refused = !self.guidance.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
             Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
             Some(Command::Play(route)) => {
-                if self.supervisor.phase() == Phase::Flying && self.guidance.ready() {
+                // Held as well: a hold for want of streamed set-points ends with the route.
+                if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
+                {
                     self.setpoint_refused = !self.guidance.play(route);
                 } else {
                     self.route = Some(*route);
@@ -248,7 +245,9 @@ impl Flight {
             },
             dt,
         );
-        conditions.insert_if(Fault::Operator, self.land || input.host.land);
+        conditions.insert_if(Fault::Operator, input.host.land);
+        conditions.insert_if(Fault::OperatorGone, input.host.operator_silent);
+        conditions.insert_if(Fault::OperatorGoneForGood, input.host.operator_silent);
         let refused = core::mem::take(&mut self.route_refused) || self.setpoint_refused;
         conditions.insert_if(Fault::SetpointJump, refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
@@ -256,6 +255,8 @@ impl Flight {
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
+        // An order to take off does not wait for whoever speaks next.
+        self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
@@ -263,7 +264,7 @@ impl Flight {
             ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.touchdown(input, rotor_speeds, dt),
             take_off: self.take_off,
-            kill: self.kill,
+            kill: input.host.kill,
         };
         let tracked = !self.supervisor.active().contains(Fault::TrackingError);
         let phase = self.supervisor.step(conditions, &facts, dt);
