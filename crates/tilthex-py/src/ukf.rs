@@ -218,6 +218,7 @@ impl Ukf {
         let c = health.counts;
         for (name, count) in [
             ("accepted", c.accepted),
+            ("weighed", c.weighed),
             ("position_only", c.position_only),
             ("rejected", c.rejected),
             ("flipped", c.flipped),
