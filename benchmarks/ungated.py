@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 from tilthex.estimate import pose_errors
 from tilthex.recording import Recording
@@ -121,6 +122,17 @@ class Motion:
         return (before.inv() * after).as_rotvec() / (0.2 * h), acceleration
 
 
+def blurred(moving: Motion, time: Array) -> tuple[Array, Array]:
+    """Rate and specific force of sensors that follow with a lag of 1 ms: no blow falls between samples."""
+    fine = 8
+    at = np.arange(len(time) * fine) * (time[1] - time[0]) / fine
+    rate, acceleration = moving.inertial(at)
+    force = moving.pose(at)[1].inv().apply(acceleration + eskf.GRAVITY)
+    share = 1 - np.exp(-(at[1] - at[0]) / 1e-3)
+    low = lfilter([share], [1, share - 1], np.hstack([rate, force]), axis=0)
+    return low[::fine, :3], low[::fine, 3:]
+
+
 def recording(cell: Cell, seed: int, noise: eskf.Noise, seconds: float = 40.0) -> tuple[Recording, Recording]:
     """What is fed, and the truth at every inertial sample."""
     random = np.random.default_rng(seed)
@@ -134,6 +146,8 @@ def recording(cell: Cell, seed: int, noise: eskf.Noise, seconds: float = 40.0) -
         size = random.normal(0, 0.6 * cell.vibration, 3)
         acceleration = acceleration + size * np.sin(2 * np.pi * (tone * time + wobble))[:, None]
     force = moving.pose(time - cell.lag)[1].inv().apply(acceleration + eskf.GRAVITY)
+    if cell.taps:
+        rate, force = blurred(moving, time)
     turn = Rotation.from_rotvec(np.radians(cell.misalignment_deg) * random.normal(0, 1, 3) / np.sqrt(3))
     gyro = turn.apply(rate) * (1 + cell.scale * random.choice([-1, 1], 3))
     density = np.sqrt(cell.rate) * cell.imu_noise
@@ -159,7 +173,9 @@ def config(keys: dict[str, float] | None = None) -> tilthex.Config:
     return default.replace(vehicle=mounting, estimator=keys or {})
 
 
-def compare(fed: Recording, truth: Recording, config: tilthex.Config, noise: eskf.Noise, latency: float = 0.0):
+def compare(
+    fed: Recording, truth: Recording, config: tilthex.Config, noise: eskf.Noise, latency: float = 0.0
+):
     """Position and rotation errors of both filters, after the first 4 s."""
     later = truth.select(truth.pose_time > truth.imu_time[0] + 4.0)
     run = fed.estimate(tilthex.Ukf(config))

@@ -16,8 +16,8 @@ def config():
 
 
 def ukf(config, **keys):
-    # A vehicle whose IMU sits in the centre of mass, and a gate that never shuts.
-    keys = {"gate_probability": 1 - 1e-12, **keys}
+    # A vehicle whose IMU sits in the centre of mass, without a gate.
+    keys = {"gate_probability": 1.0, **keys}
     return tilthex.Ukf(config.replace(vehicle={"imu_position": [0, 0, 0]}, estimator=keys))
 
 

@@ -31,14 +31,15 @@ section! {
         body_position: Axes<3> = Axes([0.0; 3]),
         /// Captured body to robot frame: roll, pitch, yaw, degrees (yaw first).
         body_rotation_deg: Axes<3> = Axes([0.0; 3]),
-        /// Probability with which a good pose passes the gate.
+        /// Probability with which a good pose passes the gate; beyond it poses are weighed. 1 switches the gate off.
         gate_probability: f64 = 0.9999,
         /// Time over which late poses are applied, s.
         history: f64 = 0.3,
         /// Constant latency taken off every pose's time, s; for capture systems that stamp on arrival.
         /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0,
-        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
+        /// Time without a pose that fits after which a rotation that five in a row agree on is believed
+        /// against the state, s.
         reacquire_after: f64 = 0.3,
         /// Age of the newest accepted pose from which on the state counts as coasting, s.
         coast_after: f64 = 0.1,

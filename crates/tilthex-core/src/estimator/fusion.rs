@@ -111,7 +111,7 @@ impl Estimator {
         if !pose.tracking_valid
             || !pose.is_finite()
             || pose.position_w.amax() > POSITION_LIMIT
-            || so3::rotation_defect(&pose.rotation_wr) > 1e-3
+            || so3::rotation_defect(&pose.rotation_wr) > so3::NEAR_ROTATION
             || self.initialized && time - self.now() > self.params.history
         {
             count(&mut self.counts.invalid);
@@ -133,8 +133,12 @@ impl Estimator {
             count(&mut self.counts.too_old);
             return Outcome::TooOld;
         }
-        let entry =
-            PoseEntry { time, position: pose.position_w, rotation: pose.rotation_wr, reported: false };
+        let entry = PoseEntry {
+            time,
+            position: pose.position_w,
+            rotation: so3::straightened(&pose.rotation_wr),
+            reported: false,
+        };
         let mut outcome = Outcome::Pending;
         self.enqueue(entry);
         self.work(now, &mut |report: &PoseReport| {

@@ -1,6 +1,6 @@
 //! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
 
-use super::{Head, Quality, coarse::Coarse, kept_bias::KeptBias, trust::Trust};
+use super::{Head, Quality, coarse::Coarse, kept_bias::KeptBias, leaps::is_blow, trust::Trust};
 use crate::{
     types::{Matrix3, Vector3},
     ukf::PackedState,
@@ -51,11 +51,13 @@ impl ImuHistory {
         self.count += 1;
     }
 
-    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured.
+    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured, or shows a blow.
     pub(super) fn doubtful(&self, next: u64, time: f64) -> bool {
         let first = next.saturating_sub(SAMPLES / 2);
         let Some(newest) = next.checked_sub(1).map(|last| self.get(last).time) else { return false };
-        (first..next).map(|n| self.get(n)).any(|s| s.quality != Quality::Measured && newest - s.time <= time)
+        (first..next)
+            .map(|n| self.get(n))
+            .any(|s| (s.quality != Quality::Measured || is_blow(s.leap)) && newest - s.time <= time)
     }
 
     /// Number of the next sample.

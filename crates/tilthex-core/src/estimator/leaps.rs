@@ -16,7 +16,9 @@ const OF_USUAL: f64 = 9.0;
 /// Time over which the mean square is taken, s.
 const MEMORY: f64 = 0.5;
 /// Share of the square of a leap that an interval's integral misses: of the rate and of the specific force.
-const MISSED: [f64; 2] = [0.03, 0.1];
+const MISSED: [f64; 2] = [0.01, 0.1];
+/// Leaps whose squares are beyond the usual by this much are a blow, (rad/s)^2 and (m/s^2)^2.
+const BLOW: [f64; 2] = [9.0, 900.0];
 
 /// The usual leaps, (rad/s)^2 and (m/s^2)^2.
 #[derive(Clone, Copy, Debug)]
@@ -48,6 +50,11 @@ impl Leaps {
         }
         excess
     }
+}
+
+/// Whether a leap beyond the usual is a blow, after which the state may be wrong by more than its covariance has it.
+pub(super) fn is_blow(leap: [Coarse; 2]) -> bool {
+    leap.iter().zip(BLOW).any(|(leap, blow)| leap.get() > blow)
 }
 
 /// The noise over an interval of `dt` s whose later sample leaps by that much beyond the usual.

@@ -226,8 +226,9 @@ impl Estimator {
             return Err(Error::NotFinite { name: "position" });
         }
         crate::error::check_range("position", position_w.amax(), 0.0, POSITION_LIMIT)?;
-        so3::check_rotation("rotation", rotation_wc)?;
-        let pose = self.params.imu_pose(&self.derived, position_w, rotation_wc);
+        let rotation_wc = so3::straightened(rotation_wc);
+        so3::check_rotation("rotation", &rotation_wc)?;
+        let pose = self.params.imu_pose(&self.derived, position_w, &rotation_wc);
         Ok(Navigation { position_w: pose.position_w, rotation_wi: pose.rotation_wi, ..Navigation::ORIGIN })
     }
 

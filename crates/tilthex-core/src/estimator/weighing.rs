@@ -26,6 +26,8 @@ const DOUBT: f64 = 0.1;
 const MOST_NOISE: f64 = 100.0;
 /// Largest scale of the state's variances.
 const MOST_DOUBT: f64 = 32.0;
+/// The same after a blow, or where a model stands in for the IMU.
+const MOST_DOUBT_SHAKEN: f64 = 1e4;
 /// The state is what is wrong where its variances have to grow this many times less than the pose's.
 const NEARER: f64 = 4.0;
 /// Steps of the search for a scale: bounded work.
@@ -78,17 +80,19 @@ impl Estimator {
         surprise: f64,
     ) -> Outcome {
         // Neither a model nor an impact has much to say against poses.
-        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT);
-        let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
+        let since = pose.time - self.head.trust.accepted;
+        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT + since);
+        let said = Said::new(since, &whole.residual);
         let gate = self.derived.gate_pose * self.head.trust.level();
         let repeated = self.head.trust.repeats(&said, self.noises());
         if turn(&whole.residual) > RIGHT_ANGLE && self.pass_position(pose) {
             return Outcome::PositionOnly;
         }
         let noise = self.noise_for(measured, surprise, gate);
-        let doubt = self.doubt_for(measured, surprise, gate);
+        let most = if doubtful { MOST_DOUBT_SHAKEN } else { MOST_DOUBT };
+        let doubt = self.doubt_for(measured, surprise, gate, most);
         let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
-        if let Some(doubt) = doubt.filter(|doubt| repeated || NEARER * doubt < needed) {
+        if let Some(doubt) = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed) {
             self.head.state.loosen(sqrt(doubt));
             let own = self.head.trust.noise * self.head.trust.noise;
             if let Some(passing) = self.innovation(measured, (own, own)) {
@@ -122,10 +126,10 @@ impl Estimator {
     }
 
     /// The scale of the state's variances with which a pose is at the gate. None where it would be too large.
-    fn doubt_for(&self, measured: &ImuPose, surprise: f64, gate: f64) -> Option<f64> {
+    fn doubt_for(&self, measured: &ImuPose, surprise: f64, gate: f64, most: f64) -> Option<f64> {
         let own = self.head.trust.noise * self.head.trust.noise;
         let noise = self.params.pose_noise(measured, (own, own));
-        to_gate(surprise, gate, MOST_DOUBT, |by| {
+        to_gate(surprise, gate, most, |by| {
             let mut state = self.head.state;
             state.loosen(sqrt(by));
             innovation(&state, measured, &noise).map(|i| i.squared(6))

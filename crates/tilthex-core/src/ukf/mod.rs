@@ -207,6 +207,11 @@ pub struct Ukf {
     noise: ProcessNoise,
 }
 
+/// Whether an entry of the (internal) error state is a bias's.
+fn is_bias(i: usize) -> bool {
+    (GYRO_BIAS..GYRO_BIAS + 3).contains(&i) || (ACCELEROMETER_BIAS..ACCELEROMETER_BIAS + 3).contains(&i)
+}
+
 impl UkfState {
     /// `mean` with independent errors of the given deviations.
     #[must_use]
@@ -265,21 +270,17 @@ impl UkfState {
     pub fn restart(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         let fresh = Self::new(mean, deviation);
         let mut biases = self.covariance;
-        for part in [ROTATION, VELOCITY, POSITION] {
-            for i in part..part + 3 {
-                biases.scale(i, 0.0);
-                biases.0[i][i] = fresh.covariance.0[i][i];
-            }
+        for i in (0..N).filter(|i| !is_bias(*i)) {
+            biases.scale(i, 0.0);
+            biases.0[i][i] = fresh.covariance.0[i][i];
         }
         (self.mean, self.covariance) = (mean, biases);
     }
 
     /// Lets position, velocity and rotation be known `factor` times worse; what is known of the biases stays.
     pub fn loosen(&mut self, factor: f64) {
-        for part in [ROTATION, VELOCITY, POSITION] {
-            for i in part..part + 3 {
-                self.covariance.scale(i, factor);
-            }
+        for i in (0..N).filter(|i| !is_bias(*i)) {
+            self.covariance.scale(i, factor);
         }
         self.limit();
     }
