@@ -16,7 +16,7 @@ const OF_USUAL: f64 = 9.0;
 /// Time over which the mean square is taken, s.
 const MEMORY: f64 = 0.5;
 /// Share of the square of a leap that an interval's integral misses: of the rate and of the specific force.
-const MISSED: [f64; 2] = [0.01, 0.1];
+const MISSED: [f64; 2] = [0.01, 0.02];
 /// Leaps whose squares are beyond the usual by this much are a blow, (rad/s)^2 and (m/s^2)^2.
 const BLOW: [f64; 2] = [9.0, 900.0];
 
