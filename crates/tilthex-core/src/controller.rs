@@ -76,6 +76,31 @@ pub struct ControllerState {
     pub allocator: AllocatorState,
 }
 
+impl ControllerState {
+    /// Goes over to another model of the vehicle without a jump of what the rotors are asked for: what the new
+    /// model explains of the present sample is no longer observed as an external wrench. A bias that was
+    /// learnt explained the same, and goes.
+    pub fn change_model(&mut self, before: &Vehicle, after: &Vehicle, now: &ObserverInput) {
+        let explained = |vehicle: &Vehicle| {
+            let given = vehicle.body_wrench(&now.rotor_speeds);
+            Wrench {
+                force: now.rotation_wr * (vehicle.mass() * now.specific_force_r - given.force),
+                torque: -given.torque,
+            }
+        };
+        let observed = self.observer.wrench + explained(after) - explained(before);
+        if observed.is_finite() {
+            self.observer.wrench = observed;
+        }
+        self.observer.forget_sample();
+        // The filter has seen what is no longer there.
+        let tool_w = tool_wrench(&self.observer.wrench, &now.rotation_wr, &after.tool().position_r);
+        self.low_pass.output = tool_w.to_vector();
+        self.bias_r = Wrench::ZERO;
+        self.bias_estimator = BiasEstimator::default();
+    }
+}
+
 /// What is known at the start of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerInput {
@@ -178,6 +203,24 @@ impl Controller {
         self.admittance = filter;
     }
 
+    /// The same laws for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self {
+            vehicle: *vehicle,
+            observer: self.observer.for_vehicle(vehicle),
+            room: self.room.as_ref().map(|room| room.for_vehicle(vehicle)),
+            attitude: self.attitude.for_vehicle(vehicle),
+            allocator: self.allocator.for_vehicle(vehicle),
+            ..*self
+        }
+    }
+
+    /// Prepares for ticks of about `period` seconds, if it is not: others take longer.
+    pub fn prepare(&mut self, period: f64) {
+        self.admittance.prepare(period);
+    }
+
     /// Whether the vehicle can hover level and at rest without some rotors, and turn any way from
     /// there: bit `i` of `lost` is rotor `i`.
     #[must_use]
@@ -233,7 +276,9 @@ impl Controller {
         let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);
-        let force_w = self.wanted_force(&self.pose.step(robot, &full), &observed);
+        // A turn of the reference does not move it.
+        let mut pose = self.pose.translation(robot, &full);
+        let force_w = self.wanted_force(&pose, &observed);
         let attitude = if input.fixed_attitude {
             state.attitude = AttitudeState::default();
             Attitude { reference: full, lead_r: Vector3::zeros(), force_w }
@@ -243,7 +288,7 @@ impl Controller {
         let robot_reference = attitude.reference;
         let mut asked = robot_reference;
         asked.angular_acceleration_r += attitude.lead_r;
-        let pose = self.pose.step(robot, &asked);
+        self.pose.rotation(&mut pose, robot, &asked);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &observed) }.to_vector();

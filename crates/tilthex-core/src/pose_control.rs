@@ -22,6 +22,23 @@ pub struct PoseGains {
 }
 
 /// The pose controller.
+///
+/// ```
+/// use tilthex_core::{Reference, RobotState, Vector3, pose_control::{PoseController, PoseGains}};
+///
+/// let gains = PoseGains {
+///     position: Vector3::repeat(100.0),
+///     velocity: Vector3::repeat(20.0),
+///     rotation: Vector3::repeat(225.0),
+///     angular_velocity: Vector3::repeat(30.0),
+/// };
+/// let controller = PoseController::new(gains)?;
+/// let here = RobotState::at_rest(Vector3::zeros());
+/// let there = Reference::hold(Vector3::new(0.1, 0.0, 0.0), here.rotation_wr);
+/// // 0.1 m of error, a gain of 100 1/s^2: 10 m/s^2.
+/// assert_eq!(controller.step(&here, &there).acceleration_w.x, 10.0);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseController {
     gains: PoseGains,
@@ -75,26 +92,40 @@ impl PoseController {
     /// here are the exact ones of Lee, Leok and McClamroch (2010).
     #[must_use]
     pub fn step(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
+        let mut command = self.translation(state, reference);
+        self.rotation(&mut command, state, reference);
+        command
+    }
+
+    /// The half of [`Self::step`] that does not depend on attitudes; the other half is zero.
+    #[must_use]
+    pub fn translation(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
         let g = &self.gains;
         let position_error_w = reference.position_w - state.position_w;
         let velocity_error_w = reference.velocity_w - state.velocity_w;
+        PoseCommand {
+            acceleration_w: reference.acceleration_w
+                + g.velocity.component_mul(&velocity_error_w)
+                + g.position.component_mul(&position_error_w),
+            position_error_w,
+            velocity_error_w,
+            ..PoseCommand::default()
+        }
+    }
+
+    /// Adds the other half.
+    pub fn rotation(&self, command: &mut PoseCommand, state: &RobotState, reference: &Reference) {
+        let g = &self.gains;
         // Maps reference body coordinates to body coordinates: R^T R_r.
         let rotation_rd: Matrix3 = state.rotation_wr.transpose() * reference.rotation_wr;
         let rotation_error_r = so3::vee(&rotation_rd.transpose());
         let reference_velocity_r = rotation_rd * reference.angular_velocity_r;
         let angular_velocity_error_r = state.angular_velocity_r - reference_velocity_r;
-        PoseCommand {
-            acceleration_w: reference.acceleration_w
-                + g.velocity.component_mul(&velocity_error_w)
-                + g.position.component_mul(&position_error_w),
-            angular_acceleration_r: rotation_rd * reference.angular_acceleration_r
-                - state.angular_velocity_r.cross(&reference_velocity_r)
-                - g.angular_velocity.component_mul(&angular_velocity_error_r)
-                - g.rotation.component_mul(&rotation_error_r),
-            position_error_w,
-            velocity_error_w,
-            rotation_error_r,
-            angular_velocity_error_r,
-        }
+        command.angular_acceleration_r = rotation_rd * reference.angular_acceleration_r
+            - state.angular_velocity_r.cross(&reference_velocity_r)
+            - g.angular_velocity.component_mul(&angular_velocity_error_r)
+            - g.rotation.component_mul(&rotation_error_r);
+        command.rotation_error_r = rotation_error_r;
+        command.angular_velocity_error_r = angular_velocity_error_r;
     }
 }

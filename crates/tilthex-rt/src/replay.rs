@@ -46,7 +46,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let set_up = |e: &dyn std::fmt::Display| format!("has a set-up that this version does not take: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
-    let limits = config.mission.limits();
+    let limits = config.mission().limits();
     let route = attachments.trajectory.as_deref().map(|text| orders::parse_route(text, &limits));
     let route = route.transpose().map_err(|e| set_up(&e))?;
     for channel in log.channels().values() {
@@ -55,12 +55,13 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let mut lines = VecDeque::new();
     log.each(|channel, data| {
         if channel.topic == "/command" {
-            lines.extend(m::Command::decode(data).map(|command| command.json));
+            let order = m::Command::decode(data).ok().filter(|order| !order.urgent);
+            lines.extend(order.map(|order| order.json));
         }
     });
     let mut replayer = Replayer {
         linked: LinkedFlight::new(params, route).map_err(|e| set_up(&e))?,
-        orders: Orders::new(limits, params.flight.controller.admittance),
+        orders: Orders::new(&config),
         lines,
         rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),
@@ -144,7 +145,13 @@ impl Replayer {
         };
         let poses: Option<Vec<PoseSample>> = input.poses.iter().map(pose_from).collect();
         let poses = poses.ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
-        let host = HostFacts { land: input.land, link_lost: input.link_lost, log_lost: input.log_lost };
+        let host = HostFacts {
+            land: input.land,
+            kill: input.kill,
+            operator_silent: input.operator_silent,
+            link_lost: input.link_lost,
+            log_lost: input.log_lost,
+        };
         let tick = WireInput {
             time: input.time,
             bytes: &input.link,

@@ -2,11 +2,7 @@
 //! when the loop's thread allocates or frees: link, capture over the network,
 //! log, orders.
 
-use std::{
-    path::Path,
-    sync::{Arc, atomic::AtomicBool},
-    time::Duration,
-};
+use std::{path::Path, time::Duration};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rtrb::RingBuffer;
@@ -18,6 +14,7 @@ use tilthex_mocap::{
 };
 use tilthex_rt::{
     control_loop::{ControlLoop, End, LoopParams},
+    flags::Flags,
     log::{Attachments, LogFile},
     port::Port,
     realtime::LOOP_STACK,
@@ -33,7 +30,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 fn the_loop_never_allocates() {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     let params = config.linked_params(true).expect("valid");
-    let up_axis = config.mocap.up_axis().expect("valid");
+    let up_axis = config.mocap().up_axis().expect("valid");
     let (mut capture, uri) = Capture::on_loopback(up_axis, LineParams::default()).expect("a free port");
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation| {
@@ -55,7 +52,7 @@ fn the_loop_never_allocates() {
     .expect("starts");
     let (_client, poses) =
         Client::start(&uri, ClientParams { up_axis, latency: 0.0 }).expect("the capture is there");
-    let mut orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
+    let mut orders = Orders::new(&config);
     let (mut give, commands) = RingBuffer::new(8);
     for line in [
         r#"{"command": "set_admittance", "stiffness": [8, 8, 8, 10, 10, 5]}"#,
@@ -70,11 +67,12 @@ fn the_loop_never_allocates() {
         poses,
         commands,
         feed,
-        land: Arc::new(AtomicBool::new(false)),
+        flags: Flags::default(),
         params: LoopParams {
             period: Duration::from_millis(2),
             duration: Some(4.0),
             land_after_route: false,
+            operator_timeout: Some(Duration::from_secs(60)),
             patience: Some(60.0),
         },
     };

@@ -23,12 +23,12 @@ from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
 
-FLOWN = ("sliding", "multi-contact")
-"""What can be flown so: a free tool, without pulls and swings, softness as the file has it."""
 CLEARANCE = 0.25
 """The ways from and to the stand pass this far above the trajectory's ends, m."""
 TAKE_OFF = 0.6
 """Height of the first hover over the stand, m."""
+CALIBRATION = 30.0
+"""A calibration flight takes about so long, s."""
 LANDING = 20.0
 """A program that is interrupted in flight has so long to land, s."""
 PATIENCE = 40.0
@@ -76,8 +76,10 @@ def check(experiment: Experiment) -> None:
     Raises:
         ValueError: With those that can.
     """
-    if experiment.kind not in FLOWN:
-        raise ValueError(f"--wire flies {' and '.join(FLOWN)}, not {experiment.kind}")
+    if not experiment.wire:
+        raise ValueError(
+            f"--wire flies experiments whose file says `wire = true`; that of {experiment.kind} does not"
+        )
 
 
 def route(run: Run) -> Route:
@@ -122,7 +124,8 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     """
     flown = route(run)
     config = {"vehicle": run.vehicle} | dict(run.config)
-    config["mission"] = {"take_off_height": TAKE_OFF} | config.get("mission", {})
+    mission = {"take_off_height": TAKE_OFF, "calibration": run.calibration}
+    config["mission"] = mission | config.get("mission", {})
     files.config.write_text(toml_text(config), encoding="utf-8")
     # The first is where take-off ends.
     points = [
@@ -152,7 +155,8 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
             simulated.process.wait()
             raise OSError(simulated.sentence())
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
-        link = ["--port", port, "--baud", "0", "--log", str(files.log), "--trajectory", str(files.trajectory)]
+        start = ["--take-off", "--no-battery-limits", "--trajectory", str(files.trajectory)]
+        link = ["--port", port, "--baud", "0", "--log", str(files.log), *start]
         controller = Program(stack, "tilthex-rt", [*common, *link], summary)
         _watch(controller.process, expected(run) + PATIENCE, files, progress)
         if simulated.process.poll() is not None:
@@ -225,7 +229,8 @@ def program(name: str) -> str:
 
 def expected(run: Run) -> float:
     """About how long a flight takes, s."""
-    return AROUND + route(run).trajectory.duration
+    calibration = CALIBRATION if run.calibration != "none" else 0.0
+    return AROUND + calibration + route(run).trajectory.duration
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:

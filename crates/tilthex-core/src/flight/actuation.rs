@@ -30,14 +30,15 @@ impl Flight {
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 let robot = self.robot_state();
-                let guided =
-                    self.guidance.step(phase, self.descent(), &robot, self.params.vehicle.tool(), dt);
+                let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
+                let learns_model = guided.learn_model || self.learns_model;
+                self.learn_model(learns_model, &guided.setpoint, rotor_speeds, dt);
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.specific_force_r(),
                     rotor_speeds: *rotor_speeds,
                     setpoint: guided.setpoint,
-                    compliant: guided.compliant && !self.learns,
+                    compliant: guided.compliant && !self.learns && !learns_model && !self.model.is_pending(),
                     learn_bias: guided.learn_bias || self.learns,
                     lost_rotors: self.lost,
                     fixed_attitude: phase == Phase::Emergency,

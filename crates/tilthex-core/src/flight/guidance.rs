@@ -1,7 +1,9 @@
 //! Where the set-point comes from in each phase: take-off, hover, mission, landing.
 
-use super::io::Route;
+use super::{io::Route, room::Room};
 use crate::{
+    Vehicle,
+    model_learning::{Calibration, calibration_flight},
     so3,
     supervisor::{
         Phase,
@@ -19,10 +21,14 @@ pub struct GuidanceParams {
     pub take_off_height: f64,
     /// Time at the first hover in which the wrench bias is learnt, s; 0 leaves it out.
     pub bias_time: f64,
+    /// What is flown at the first hover to learn the model from.
+    pub calibration: Calibration,
     /// Limits of take-off and of the way to a route's first way-point.
     pub limits: Limits,
     /// Speed of the descent, m/s.
     pub landing_speed: f64,
+    /// Largest rates of streamed set-points.
+    pub stream: Limits,
     /// Streamed set-points may jump by at most this far, m.
     pub max_setpoint_jump: f64,
 }
@@ -92,6 +98,7 @@ impl Detour {
 enum Stage {
     Ground,
     TakeOff,
+    Calibration,
     Mission,
     Follow,
     Land,
@@ -109,6 +116,7 @@ pub(super) struct Guidance {
     hover_time: f64,
     followed: Setpoint,
     followed_age: f64,
+    room: Room,
     wrench_w: Option<Wrench>,
     sink: Sink,
     detour: Detour,
@@ -123,6 +131,8 @@ pub(super) struct Guided {
     pub(super) compliant: bool,
     /// Whether the wrench bias is being learnt.
     pub(super) learn_bias: bool,
+    /// Whether the model is being learnt.
+    pub(super) learn_model: bool,
 }
 
 impl Guidance {
@@ -139,6 +149,7 @@ impl Guidance {
             hover_time: 0.0,
             followed: nowhere.sample(0.0),
             followed_age: 0.0,
+            room: Room::full(&params.stream, params.max_setpoint_jump),
             wrench_w: None,
             sink: Sink::default(),
             detour: Detour::default(),
@@ -184,6 +195,23 @@ impl Guidance {
         self.hover_time = 0.0;
     }
 
+    /// What follows take-off, from where it ended: the calibration, which leaves no bias to learn, or the mission.
+    fn begin_calibration(&mut self, vehicle: &Vehicle) {
+        self.stage = Stage::Mission;
+        let kind = self.params.calibration;
+        if kind == Calibration::None {
+            return;
+        }
+        let from = self.trajectory.sample(self.time);
+        let heading = heading(&(from.rotation_we * vehicle.tool().rotation_r.transpose()));
+        if let Ok(flight) = calibration_flight(vehicle, kind, from.position_w, heading, &self.params.limits) {
+            self.trajectory = flight;
+            self.time = 0.0;
+            self.stage = Stage::Calibration;
+            self.hover_time = self.params.bias_time;
+        }
+    }
+
     /// Straight down, turning level on the way, from a reference of the tool.
     pub(super) fn begin_landing(&mut self, from: &Setpoint, tool: &Mounting) {
         let rotation_wr = from.rotation_we * tool.rotation_r.transpose();
@@ -223,12 +251,11 @@ impl Guidance {
     }
 
     /// Takes a streamed set-point. False, and the last one held, where it is
-    /// not finite, no rotation, or too far from the last.
+    /// not finite, no rotation, or further from the last than its rates allow.
     pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
         let last = self.sample();
-        let near = (setpoint.position_w - last.position_w).norm() <= self.params.max_setpoint_jump;
-        let good =
-            setpoint.is_finite() && near && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        let sound = setpoint.is_finite() && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        let good = sound && self.room.take(&last, setpoint);
         if good {
             self.followed = *setpoint;
             self.followed_age = 0.0;
@@ -247,9 +274,13 @@ impl Guidance {
         self.detour.offset_w += by_w;
     }
 
-    /// Learns the bias once more.
-    pub(super) fn zero_bias(&mut self) {
-        self.hover_time = 0.0;
+    /// Learns the bias once more. False where set-points are streamed: the hover that it takes would never come.
+    pub(super) fn zero_bias(&mut self) -> bool {
+        let hovers = self.stage != Stage::Follow;
+        if hovers {
+            self.hover_time = 0.0;
+        }
+        hovers
     }
 
     /// The set-point of this tick; an emergency goes down by `descent`.
@@ -258,7 +289,7 @@ impl Guidance {
         phase: Phase,
         descent: Descent,
         robot: &RobotState,
-        tool: &Mounting,
+        vehicle: &Vehicle,
         dt: f64,
     ) -> Guided {
         let stopped = phase == Phase::Holding;
@@ -269,11 +300,14 @@ impl Guidance {
         self.rate = rate;
         self.time += rate * dt;
         self.followed_age += dt;
+        self.room.fill(&self.params.stream, self.params.max_setpoint_jump, dt);
         if self.stage == Stage::TakeOff && self.time >= self.trajectory.duration() {
+            self.begin_calibration(vehicle);
+        } else if self.stage == Stage::Calibration && self.time >= self.trajectory.duration() {
             self.stage = Stage::Mission;
         }
         if phase == Phase::Emergency {
-            let mut setpoint = descend(robot, tool);
+            let mut setpoint = descend(robot, vehicle.tool());
             match descent {
                 Descent::Steady => setpoint.velocity_w.z = -self.params.landing_speed,
                 Descent::Adrift => setpoint.velocity_w.z = -ADRIFT_SPEED,
@@ -282,7 +316,7 @@ impl Guidance {
                     setpoint.acceleration_w.z = -BLIND_ACCELERATION;
                 }
             }
-            return Guided { setpoint, compliant: false, learn_bias: false };
+            return Guided { setpoint, compliant: false, learn_bias: false, learn_model: false };
         }
         let mut setpoint = self.sample();
         // A clock that runs at `rate` scales velocities, and its change adds to the acceleration.
@@ -310,7 +344,8 @@ impl Guidance {
             self.hover_time += dt;
         }
         let compliant = matches!(self.stage, Stage::Mission | Stage::Follow) && !learn_bias;
-        Guided { setpoint, compliant, learn_bias }
+        let learn_model = self.stage == Stage::Calibration;
+        Guided { setpoint, compliant, learn_bias, learn_model }
     }
 
     fn sample(&self) -> Setpoint {
@@ -344,7 +379,12 @@ fn descend(robot: &RobotState, tool: &Mounting) -> Setpoint {
 
 /// The same heading, level: body x stays in its vertical plane.
 fn level(rotation_wr: &Matrix3) -> Matrix3 {
-    so3::rot_z(libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)]))
+    so3::rot_z(heading(rotation_wr))
+}
+
+/// The angle of body x in the horizontal plane from the world's, rad.
+fn heading(rotation_wr: &Matrix3) -> f64 {
+    libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)])
 }
 
 fn tool_waypoint(position_w: Vector3, rotation_wr: &Matrix3, tool: &Mounting) -> Waypoint {

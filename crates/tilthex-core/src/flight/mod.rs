@@ -9,7 +9,9 @@ mod actuation;
 mod airborne;
 mod guidance;
 mod io;
+mod model;
 mod record;
+mod room;
 mod rotors;
 mod sensing;
 mod telemetry;
@@ -20,6 +22,7 @@ mod watch;
 pub use airborne::AirborneStart;
 pub use guidance::GuidanceParams;
 pub use io::{Command, Commanded, HostFacts, KnownState, MAX_POSES, Measured, MotorCommand, Route};
+pub use model::ModelRecord;
 pub use record::{InputRecord, LinkCounters, Record};
 pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
@@ -33,6 +36,7 @@ use crate::{
     types::{RotorVector, Setpoint},
 };
 use guidance::Guidance;
+use model::ModelState;
 use rotors::RotorModel;
 use thrust::ThrustWatch;
 use touchdown::Touchdown;
@@ -69,6 +73,9 @@ pub struct Flight {
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
+    /// Likewise, that this is a contact-free flight to learn the model from.
+    learns_model: bool,
+    model: ModelState,
     start_refused: Option<StartError>,
     guidance: Guidance,
     route: Option<Route>,
@@ -80,8 +87,6 @@ pub struct Flight {
     command: RotorVector,
     output: Option<ControllerOutput>,
     take_off: bool,
-    land: bool,
-    kill: bool,
     setpoint_refused: bool,
     /// A queued route was refused at the end of the last tick.
     route_refused: bool,
@@ -115,6 +120,8 @@ impl Flight {
             estimator: Estimator::new(params.estimator)?,
             known: None,
             learns: false,
+            learns_model: false,
+            model: ModelState::new(&vehicle),
             start_refused: None,
             guidance: Guidance::new(params.guidance),
             route,
@@ -126,8 +133,6 @@ impl Flight {
             command: RotorVector::zeros(),
             output: None,
             take_off: params.take_off,
-            land: false,
-            kill: false,
             setpoint_refused: false,
             route_refused: false,
             not_finite: false,
@@ -175,6 +180,7 @@ impl Flight {
 
     /// One tick: reads, estimates, supervises, controls, and says what to send.
     pub fn tick(&mut self, input: &Measured<'_>, out: &mut Commanded) {
+        self.change_model();
         let now = input.time;
         let period = self.time.replace(now).map_or(0.0, |last| (now - last).max(0.0));
         let dt = period.min(LONGEST_STEP);
@@ -197,14 +203,14 @@ impl Flight {
         match command {
             None => {}
             Some(Command::TakeOff) => self.take_off = true,
-            Some(Command::Land) => self.land = true,
-            Some(Command::Kill) => self.kill = true,
-            Some(Command::ZeroBias) => self.guidance.zero_bias(),
+            Some(Command::ZeroBias) => self.setpoint_refused = !self.guidance.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
             Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
             Some(Command::Play(route)) => {
-                if self.supervisor.phase() == Phase::Flying && self.guidance.ready() {
+                // Held as well: a hold for want of streamed set-points ends with the route.
+                if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
+                {
                     self.setpoint_refused = !self.guidance.play(route);
                 } else {
                     self.route = Some(*route);
@@ -239,13 +245,18 @@ impl Flight {
             },
             dt,
         );
-        conditions.insert_if(Fault::Operator, self.land || input.host.land);
+        conditions.insert_if(Fault::Operator, input.host.land);
+        conditions.insert_if(Fault::OperatorGone, input.host.operator_silent);
+        conditions.insert_if(Fault::OperatorGoneForGood, input.host.operator_silent);
         let refused = core::mem::take(&mut self.route_refused) || self.setpoint_refused;
         conditions.insert_if(Fault::SetpointJump, refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
         conditions.insert_if(Fault::NotFinite, self.not_finite);
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
+        conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
+        // An order to take off does not wait for whoever speaks next.
+        self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
@@ -253,7 +264,7 @@ impl Flight {
             ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.touchdown(input, rotor_speeds, dt),
             take_off: self.take_off,
-            kill: self.kill,
+            kill: input.host.kill,
         };
         let tracked = !self.supervisor.active().contains(Fault::TrackingError);
         let phase = self.supervisor.step(conditions, &facts, dt);

@@ -65,6 +65,9 @@ pub enum Fault {
     NotFinite = 36,
     StartTimeout = 37,
     Operator = 38,
+    CalibrationRefused = 39,
+    OperatorGone = 40,
+    OperatorGoneForGood = 41,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -146,7 +149,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 39;
+pub const COUNT: usize = 42;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -189,7 +192,10 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::LogLost, "log lost", s("the recorder reports that it cannot write", &[]), (0.0, 1.0), (Note, Note), s("the flight goes on without a log", &[])),
     row(Fault::NotFinite, "not finite", s("a controller output that is not a finite number", &[]), (0.0, 0.5), (Refuse, Land), s("the last good command is sent again", &[])),
     row(Fault::StartTimeout, "start timeout", s("a motor does not spin `[supervisor] start_timeout` after the first start command", &[]), (0.0, 0.0), (Refuse, Note), s("see the vehicle's own messages", &[])),
-    row(Fault::Operator, "operator", s("SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
+    row(Fault::Operator, "operator", s("a signal that lands (loop.md), the end of the duration, or an order to land", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
+    row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
+    row(Fault::OperatorGone, "operator silent", s("nothing heard of the operator, whose orders are flown, for `[supervisor] operator_timeout`", &[]), (0.0, 0.2), (Refuse, Hold), s("any line on the control socket from whoever holds the controls ends it", &[])),
+    row(Fault::OperatorGoneForGood, "operator gone", s("the operator silent for another {} s", &[l::OPERATOR_GONE_FOR_GOOD]), (l::OPERATOR_GONE_FOR_GOOD, 0.5), (Refuse, Land), s("the vehicle does not wait for an operator who is gone", &[])),
 ];
 
 /// A set of faults.

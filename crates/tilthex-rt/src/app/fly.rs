@@ -1,10 +1,6 @@
 //! Puts a flight together, watches it, and says how it ended.
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, mpsc},
-    time::Duration,
-};
+use std::{path::PathBuf, sync::mpsc, time::Duration};
 
 use rtrb::{Consumer, RingBuffer};
 use tilthex_config::{
@@ -22,8 +18,10 @@ use tilthex_sim::{Pushes, Simulation, SimulationParams};
 use super::{Args, report, status};
 use crate::{
     Failure,
+    control::{ControlSocket, Desk},
     control_loop::{ControlLoop, End, LoopParams},
-    control_socket::{ControlSocket, Dispatcher},
+    flags::Flags,
+    keys::Keys,
     log::{Attachments, LogFile},
     output::{self, say},
     port::Port,
@@ -47,32 +45,36 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     for warning in config.warnings() {
         output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
-    let params = config.linked_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(args.take_off).map_err(|e| Failure::usage(e.to_string()))?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
-            let route = orders::parse_route(text, &config.mission.limits());
+            let route = orders::parse_route(text, &config.mission().limits());
             Some(route.map_err(|e| Failure::usage(format!("{}: {e}", path.display())))?)
         }
         _ => None,
     };
     let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
-    let land = signals::flag()?;
-    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+    let flags = Flags::default();
+    signals::land_or_ignore(&flags.interrupted)?;
+    let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
     if let Some(path) = &log {
         LogFile::check(path, args.overwrite)?;
     }
-    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
+    let token = args.token()?;
+    let client = config.mocap().client().map_err(|e| Failure::usage(e.to_string()))?;
+    args.check_start(&config)?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
     let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
     let (recorder, feed, truths) =
         Recorder::start(recorder_params(&config, log, trajectory, params.flight.take_off))?;
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
-    let orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
+    let orders = Orders::new(&config);
     let control = match &args.control {
         Some(address) => {
-            Some(ControlSocket::start(address, Dispatcher::new(orders, commands_in, recorder.observer()))?)
+            let desk = Desk::new(orders, commands_in, recorder.observer(), flags.clone());
+            Some(ControlSocket::start(address, token, desk)?)
         }
         None => None,
     };
@@ -92,30 +94,36 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
     };
     let Peers { name, port, client: _client, poses } = peers;
-    let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
+    let period = Duration::from_secs_f64(1.0 / config.link().imu_rate);
     let control_loop = ControlLoop {
         linked,
         port,
         poses,
         commands,
         feed,
-        land: Arc::clone(&land),
+        flags: flags.clone(),
         params: LoopParams {
             period,
             duration: args.duration,
             land_after_route: args.trajectory.is_some(),
-            patience: (!args.wait).then_some(PATIENCE),
+            operator_timeout: config.supervisor().operator_timeout(),
+            patience: args.take_off.then_some(PATIENCE),
         },
     };
     let running = start(control_loop, args.realtime)?;
     let reference = simulated.as_ref().and_then(|_| Reference::start(period, args.realtime).ok());
+    let keys = Keys::watch(flags.clone());
+    if keys.is_some() {
+        say!("Ctrl-C lands; the key K, the capital letter, stops the motors at once");
+    }
     let end = status::watch(&running, &recorder.observer());
+    drop(keys);
     let slept = reference.map(Reference::stop);
     let simulated = simulated.map(Server::stop);
     let recorded = recorder.finish();
     let refused_orders = control.map_or(0, |control| control.refused());
     report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
-    report::outcome(end, &name, &land, &recorded)
+    report::outcome(end, &name, &flags, &recorded)
 }
 
 /// The vehicle and the motion capture.
@@ -134,9 +142,9 @@ impl Peers {
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
             ));
         };
-        let uri = &config.mocap.uri;
+        let uri = &config.mocap().uri;
         let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
-        Self::open(port.clone(), config.link.baud, uri.as_ref(), client)
+        Self::open(port.clone(), config.link().baud, uri.as_ref(), client)
     }
 
     fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
@@ -203,7 +211,7 @@ fn recorder_params(
         log,
         black_box,
         attachments: Attachments { config: config.to_toml(), trajectory, take_off },
-        rotor_count: config.vehicle.vehicle().rotor_count(),
+        rotor_count: config.vehicle().vehicle().rotor_count(),
     }
 }
 
@@ -215,7 +223,7 @@ fn simulate(
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
-    let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+    let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
     let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;

@@ -1,6 +1,6 @@
 //! The summary at the end, and what the end means for the exit status.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use nalgebra::Vector6;
 use tilthex_core::{
@@ -11,8 +11,8 @@ use tilthex_core::{
 use tilthex_config::Config;
 
 use crate::{
-    Failure, Kind, control_loop::End, log::fault_names, output::say, recorder::Recorded, reference::Slept,
-    sim::Report, summary::Deflection,
+    Failure, Kind, control_loop::End, flags::Flags, log::fault_names, output::say, recorder::Recorded,
+    reference::Slept, sim::Report, summary::Deflection,
 };
 
 /// Prints the figures of a flight.
@@ -27,7 +27,7 @@ pub(super) fn print(
     say!(
         "ticks               {} at {} Hz, {} with an inertial sample",
         s.ticks,
-        config.link.imu_rate,
+        config.link().imu_rate,
         s.with_imu
     );
     let machine = slept.map_or(String::new(), |slept| {
@@ -73,13 +73,13 @@ pub(super) fn print(
     if recorded.latest.dropped > 0 {
         say!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
     }
-    match (&recorded.latest.error, config.log.path.is_empty()) {
+    match (&recorded.latest.error, config.log().path.is_empty()) {
         (None, _) if recorded.moved => say!(
             "log                 {} is no longer there: somebody has moved or replaced it in flight",
-            config.log.path
+            config.log().path
         ),
-        (Some(error), _) => say!("log                 {} breaks off: {error}", config.log.path),
-        (None, false) => say!("log                 {}", config.log.path),
+        (Some(error), _) => say!("log                 {} breaks off: {error}", config.log().path),
+        (None, false) => say!("log                 {}", config.log().path),
         (None, true) => {}
     }
     if let Some(path) = &recorded.black_box {
@@ -89,7 +89,7 @@ pub(super) fn print(
 
 /// How far the configured spring yields to a push at rest.
 fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
-    let admittance = &config.admittance;
+    let admittance = config.admittance();
     let norm = deflection.force_w.norm();
     let left = (norm - admittance.force_dead_zone).max(0.0) / norm;
     let f = deflection.force_w * left;
@@ -102,10 +102,10 @@ fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
 pub(super) fn outcome(
     end: Option<End>,
     port: &str,
-    land: &AtomicBool,
+    flags: &Flags,
     recorded: &Recorded,
 ) -> Result<(), Failure> {
-    let asked = land.load(Ordering::Relaxed);
+    let asked = flags.interrupted.load(Ordering::Relaxed);
     match end {
         Some(End::Landed(None | Some(Fault::Operator))) if asked => {
             Err(interrupted("the vehicle has landed"))
@@ -120,6 +120,12 @@ pub(super) fn outcome(
             )))
         }
         Some(End::Interrupted) => Err(interrupted("the vehicle had not started")),
+        Some(End::Killed { in_flight: true }) => {
+            Err(Failure::fault("killed by order: the motors were stopped in flight, and the vehicle fell"))
+        }
+        Some(End::Killed { in_flight: false }) => {
+            Err(Failure::fault("killed by order: the motors were stopped on the ground"))
+        }
         Some(End::NoVehicle) => {
             let heard = match &recorded.latest.statistics.last_text {
                 Some(text) => format!("what answered says \"{text}\""),

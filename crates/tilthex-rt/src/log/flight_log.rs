@@ -75,6 +75,7 @@ struct Topics {
     rotors: Topic,
     flight: Topic,
     link: Topic,
+    model: Topic,
     timing: Topic,
     input: Topic,
     output: Topic,
@@ -106,6 +107,7 @@ impl<W: Write> FlightLog<W> {
             rotors: log.topic::<m::Rotors>("/rotors")?,
             flight: log.topic::<m::Flight>("/flight")?,
             link: log.topic::<m::Link>("/link")?,
+            model: log.topic::<m::Model>("/model")?,
             timing: log.topic::<m::Timing>("/timing")?,
             input: log.topic::<m::Input>("/input")?,
             output: log.topic::<m::Output>("/output")?,
@@ -147,6 +149,7 @@ impl<W: Write> FlightLog<W> {
         log.put(t.rotors, stamp, &messages.rotors)?;
         log.put(t.flight, stamp, &messages.flight)?;
         log.put(t.link, stamp, &messages.link)?;
+        log.put(t.model, stamp, &messages.model)?;
         log.put(t.input, stamp, &messages.input)?;
         log.put(t.output, stamp, &messages.output)?;
         let timing = m::Timing {
@@ -200,13 +203,17 @@ impl<W: Write> FlightLog<W> {
         self.log.put(self.topics.lines, stamp, &convert::line(stamp.publish, level, name, text))
     }
 
-    /// Logs an order, as it was given at a monotonic time in seconds.
+    /// Logs an order, as it was given at a monotonic time in seconds; an urgent one is a flag of the next input.
     ///
     /// # Errors
     /// What the file says.
-    pub fn command(&mut self, time: f64, json: &str) -> Result<(), McapError> {
+    pub fn command(&mut self, time: f64, json: &str, urgent: bool) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        self.log.put(self.topics.command, Stamp { publish: at, log: at }, &m::Command { json: json.into() })
+        self.log.put(
+            self.topics.command,
+            Stamp { publish: at, log: at },
+            &m::Command { json: json.into(), urgent },
+        )
     }
 
     /// Logs what is true of the simulated vehicle at a monotonic time in seconds.
