@@ -15,7 +15,6 @@ CELLS = {cell.name: cell for cell in ungated.CELLS}
         "poses 10 times as noisy",
         "IMU 10 times as noisy, 10 Hz, gaps",
         "the same, 10 Hz, 30 ms late, gaps",
-        "taps, 286 Hz",
     ],
 )
 def test_no_worse_than_without_a_gate(name):
