@@ -171,11 +171,11 @@ pub const NEAR_ROTATION: f64 = 1e-3;
 #[must_use]
 pub fn straightened(r: &Matrix3) -> Matrix3 {
     let defect = rotation_defect(r);
-    if defect <= 1e-9 || !(defect <= NEAR_ROTATION) {
-        return *r;
-    }
+    // A NaN is not near.
+    let near = defect > 1e-9 && defect <= NEAR_ROTATION;
     // Newton's steps to the polar factor without an inverse: each squares the defect.
-    (0..3).fold(*r, |r, _| 1.5 * r - 0.5 * r * (r.transpose() * r))
+    let steps = if near { 3 } else { 0 };
+    (0..steps).fold(*r, |r, _| 1.5 * r - 0.5 * r * (r.transpose() * r))
 }
 
 /// Refuses a matrix that is not a rotation to `1e-6`.

@@ -222,7 +222,7 @@ fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>)
     let (mut by, mut now) = (1.0, surprise);
     for _ in 0..SEARCH_STEPS {
         by *= now / gate;
-        if !(by <= most) {
+        if by > most || by.is_nan() {
             return None;
         }
         now = at(by)?;
