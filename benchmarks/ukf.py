@@ -50,7 +50,7 @@ def compare(
     """
     imu, places, position, rotation = fed
     noise = noise_of(config)
-    config = config.replace(estimator={"gate_probability": 1 - 1e-12, "initial_velocity": 0.1})
+    config = config.replace(estimator={"gate_probability": 1.0, "initial_velocity": 0.1})
     measured = dict(zip(places.tolist(), zip(position, rotation, strict=True), strict=True))
     first = measured.pop(0)
     spent, positions = {}, {}

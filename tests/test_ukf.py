@@ -16,8 +16,8 @@ def config():
 
 
 def ukf(config, **keys):
-    # A vehicle whose IMU sits in the centre of mass, and a gate that never shuts.
-    keys = {"gate_probability": 1 - 1e-12, **keys}
+    # A vehicle whose IMU sits in the centre of mass, without a gate.
+    keys = {"gate_probability": 1.0, **keys}
     return tilthex.Ukf(config.replace(vehicle={"imu_position": [0, 0, 0]}, estimator=keys))
 
 
@@ -98,6 +98,33 @@ def test_refuses_what_can_not_be(config):
     with pytest.raises(ValueError, match=r"imu_time\[2\] is 0.5 after 1; expected times that increase"):
         filter.run([0, 1, 0.5], np.zeros((3, 3)), np.zeros((3, 3)), [0.0], np.zeros((1, 3)), [np.eye(3)])
     assert filter.update_pose(0.0, [0, 0, 0], np.eye(3)) == "uninitialized"
+
+
+def test_rounded_rotations_are_rotations(config):
+    t, gyro, force, taken, measured, turned, position = recording(6)
+    rounded = np.round(turned, 5)
+    assert np.abs(rounded - turned).max() > 1e-6
+    found = ukf(config).run(t, gyro, force, t[taken], measured, rounded)
+    assert np.abs(found.position - position)[200:].max() < 2e-3
+    far = turned.copy()
+    far[7] *= 1.1
+    with pytest.raises(ValueError, match=r"rotation\[7\] is 3.3e-1 away from a rotation"):
+        ukf(config).run(t, gyro, force, t[taken], measured, far)
+
+
+@pytest.mark.parametrize(
+    ("scales", "question"),
+    [
+        ((1e9, 1, 1), "is it in nanoseconds\\? expected seconds"),
+        ((1, 57.3, 1), "is it in degrees per second\\? expected rad/s"),
+        ((1, 1, 1 / 9.81), "is it in g\\? expected m/s"),
+    ],
+)
+def test_other_units_are_questioned(config, scales, question):
+    t, gyro, force, taken, measured, turned, _ = recording(7)
+    t, gyro, force = scales[0] * t, scales[1] * gyro, scales[2] * force
+    with pytest.raises(ValueError, match=question):
+        ukf(config).run(t, gyro, force, t[taken], measured, turned)
 
 
 def test_run_releases_the_interpreter(config):

@@ -188,7 +188,7 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
 
     good = np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
     recording = recording.select(np.flatnonzero(good))
-    config = config.replace(estimator={"gate_probability": 1 - 1e-12})
+    config = config.replace(estimator={"gate_probability": 1.0})
     counts = recording.pose_time > recording.pose_time[0] + settle
     start = _aligned_by_rate(recording, config)
     # Parameters are about one, so that a relative step is an absolute one.

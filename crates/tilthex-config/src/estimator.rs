@@ -31,14 +31,15 @@ section! {
         body_position: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
         /// Captured body to robot frame: roll, pitch, yaw (yaw first).
         body_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
-        /// Probability with which a good pose passes the gate.
-        gate_probability: f64 = 0.9999 => "1" from 0.5 to 0.999999999999,
+        /// Probability with which a good pose passes the gate; beyond it poses are weighed. 1 switches the gate off.
+        gate_probability: f64 = 0.9999 => "1" from 0.5 to 1.0,
         /// Time over which late poses are applied.
         history: f64 = 0.3 => "s" from 0.02 to 1.0,
         /// Constant latency taken off every pose's time; for capture systems that stamp on arrival.
         /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0 => "s" from -0.05 to 0.5,
-        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state.
+        /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
+        /// state.
         reacquire_after: f64 = 0.3 => "s" from 0.0 to 60.0,
         /// Age of the newest accepted pose from which on the state counts as coasting.
         coast_after: f64 = 0.1 => "s" from 0.0 to 60.0,

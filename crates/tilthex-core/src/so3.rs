@@ -164,6 +164,20 @@ pub fn rotation_defect(r: &Matrix3) -> f64 {
     if skewness >= det { skewness } else { det }
 }
 
+/// Largest [`rotation_defect`] of a matrix that is meant as a rotation: of single precision, or rounded in a table.
+pub const NEAR_ROTATION: f64 = 1e-3;
+
+/// A near-rotation made one; the others are handed back as they are.
+#[must_use]
+pub fn straightened(r: &Matrix3) -> Matrix3 {
+    let defect = rotation_defect(r);
+    // A NaN is not near.
+    let near = defect > 1e-9 && defect <= NEAR_ROTATION;
+    // Newton's steps to the polar factor without an inverse: each squares the defect.
+    let steps = if near { 3 } else { 0 };
+    (0..steps).fold(*r, |r, _| 1.5 * r - 0.5 * r * (r.transpose() * r))
+}
+
 /// Refuses a matrix that is not a rotation to `1e-6`.
 ///
 /// # Errors

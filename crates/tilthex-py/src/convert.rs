@@ -108,12 +108,25 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
 pub(crate) fn rotation(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Matrix3> {
     let r = matrix::<3, 3>(name, object)?;
     let defect = so3::rotation_defect(&r);
-    if defect > 1e-6 {
-        return Err(PyValueError::new_err(format!(
-            "{name} is {defect:.1e} away from a rotation; expected an orthonormal 3x3 matrix with determinant +1"
-        )));
-    }
-    Ok(r)
+    if defect > 1e-6 { Err(not_rotation(name, defect)) } else { Ok(r) }
+}
+
+/// A matrix that is a rotation but for its rounding, as measured ones are: the nearest rotation.
+pub(crate) fn near_rotation(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Matrix3> {
+    let r = matrix::<3, 3>(name, object)?;
+    near_rotation_of(name, &r)
+}
+
+/// [`near_rotation`] of a matrix that has been read.
+pub(crate) fn near_rotation_of(name: &str, r: &Matrix3) -> PyResult<Matrix3> {
+    let defect = so3::rotation_defect(r);
+    if defect > so3::NEAR_ROTATION { Err(not_rotation(name, defect)) } else { Ok(so3::straightened(r)) }
+}
+
+fn not_rotation(name: &str, defect: f64) -> PyErr {
+    PyValueError::new_err(format!(
+        "{name} is {defect:.1e} away from a rotation; expected an orthonormal 3x3 matrix with determinant +1"
+    ))
 }
 
 /// A wrench (force, torque) given as six numbers.

@@ -14,6 +14,7 @@ mod so3;
 mod trajectory;
 mod truth;
 mod ukf;
+mod units;
 mod vehicle;
 
 use pyo3::prelude::*;

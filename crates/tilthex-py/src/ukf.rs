@@ -3,6 +3,7 @@
 use crate::{
     config::Config,
     convert::{self, array1, array2, value_error},
+    units,
 };
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -35,7 +36,7 @@ impl Ukf {
         rotation: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
         let (position, rotation) =
-            (convert::vector("position", position)?, convert::rotation("rotation", rotation)?);
+            (convert::vector("position", position)?, convert::near_rotation("rotation", rotation)?);
         self.block.initialize(time, &position, &rotation).map_err(value_error)
     }
 
@@ -47,7 +48,7 @@ impl Ukf {
         rotation: &Bound<'_, PyAny>,
     ) -> PyResult<()> {
         let (position, rotation) =
-            (convert::vector("position", position)?, convert::rotation("rotation", rotation)?);
+            (convert::vector("position", position)?, convert::near_rotation("rotation", rotation)?);
         let started = self.block.initialize_at_rest(time, &position, &rotation);
         started.map_err(|e| PyValueError::new_err(e.to_string()))
     }
@@ -79,7 +80,7 @@ impl Ukf {
             time: finite("time", time)?,
             arrival: finite("arrival", arrival.unwrap_or(time))?,
             position_w: convert::vector("position", position)?,
-            rotation_wr: convert::rotation("rotation", rotation)?,
+            rotation_wr: convert::near_rotation("rotation", rotation)?,
             tracking_valid: true,
         };
         Ok(self.block.update_pose(&pose).name())
@@ -90,8 +91,9 @@ impl Ukf {
     ///
     /// imu_time (n,) s, gyro (n, 3) rad/s, specific_force (n, 3) m/s^2; pose_time (m,) s,
     /// position (m, 3) m, rotation (m, 3, 3); pose_arrival_time (m,) s, without it poses are
-    /// there when they are taken. Poses with NaN count as invalid. `covariance=False` saves
-    /// the room of n 15x15 matrices.
+    /// there when they are taken. Poses with NaN count as invalid; rotations may be rounded (to 1e-3).
+    /// Readings that look like other units are refused with a question. `covariance=False` saves the room
+    /// of n 15x15 matrices.
     #[pyo3(signature = (imu_time, gyro, specific_force, pose_time, position, rotation,
                         pose_arrival_time=None, *, covariance=true))]
     #[allow(clippy::too_many_arguments)]
@@ -124,14 +126,24 @@ impl Ukf {
             Some(times) => convert::rows("pose_arrival_time", times, Some(m), &[])?,
             None => pose_time.clone(),
         };
-        let poses = (0..m).map(|k| PoseSample {
-            time: pose_time[k],
-            arrival: arrival[k],
-            position_w: Vector3::from_column_slice(&position[3 * k..3 * k + 3]),
-            rotation_wr: Matrix3::from_row_slice(&rotation[9 * k..9 * k + 9]),
-            tracking_valid: true,
-        });
-        let poses: Vec<_> = poses.collect();
+        units::question(&imu_time, &gyro, &specific_force)?;
+        let pose = |k: usize| -> PyResult<PoseSample> {
+            let rotation = Matrix3::from_row_slice(&rotation[9 * k..9 * k + 9]);
+            // A NaN marks a pose that is none.
+            let known = rotation.iter().all(|x| x.is_finite());
+            Ok(PoseSample {
+                time: pose_time[k],
+                arrival: arrival[k],
+                position_w: Vector3::from_column_slice(&position[3 * k..3 * k + 3]),
+                rotation_wr: if known {
+                    convert::near_rotation_of(&format!("rotation[{k}]"), &rotation)?
+                } else {
+                    rotation
+                },
+                tracking_valid: true,
+            })
+        };
+        let poses = (0..m).map(pose).collect::<PyResult<Vec<_>>>()?;
         let samples = Samples { time: &imu_time, gyro: &gyro, specific_force: &specific_force };
         let block = &mut self.block;
         let tracks = py.detach(|| run(block, &samples, &poses, covariance));
@@ -218,6 +230,7 @@ impl Ukf {
         let c = health.counts;
         for (name, count) in [
             ("accepted", c.accepted),
+            ("weighed", c.weighed),
             ("position_only", c.position_only),
             ("rejected", c.rejected),
             ("flipped", c.flipped),

@@ -2,16 +2,17 @@
 
 use super::{
     Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, STEPS_PER_TICK,
+    coarse::Coarse,
     history::{ImuEntry, PoseEntry},
-    params::ImuPose,
-    trust::Agreement,
+    leaps::roughened,
+    weighing::{RIGHT_ANGLE, turn},
 };
 use crate::{
     so3,
     types::{PoseSample, Vector3},
-    ukf::{Innovation, Navigation, Ukf},
+    ukf::Ukf,
 };
-use libm::{fabs, sqrt};
+use libm::fabs;
 
 /// Readings past these are no readings, rad/s and m/s^2.
 const GYRO_LIMIT: f64 = 100.0;
@@ -19,13 +20,11 @@ const FORCE_LIMIT: f64 = 1e3;
 /// An interval between samples above this is a gap, s.
 const GAP: f64 = 0.02;
 
-/// Past this a rotation contradicts the state because markers were swapped, rad.
-const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
-/// So long after a sample that was not simply measured the state is doubtful, s.
-const DOUBT: f64 = 0.1;
 /// Share of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
+/// A pose counts by this in the mean at the most, where there is no gate.
+const MOST_NIS: f64 = 1e6;
 
 impl Estimator {
     /// Takes an inertial sample: rate (rad/s) and specific force (m/s^2) in IMU
@@ -68,7 +67,8 @@ impl Estimator {
             return;
         }
         let source_changed = self.is_modelled() != quality.is_modelled();
-        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality });
+        let leap = self.leap(last.map_or(0.0, |last| time - last), gyro_i, specific_force_i, quality);
+        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality, leap });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
         if dt > GAP {
@@ -83,6 +83,17 @@ impl Estimator {
         self.current = self.current.advance(&gyro, &force, dt.min(1.0));
         self.steps = STEPS_PER_TICK;
         self.work(time, observe);
+    }
+
+    /// How far a sample leaps from the two before it, beyond the usual.
+    fn leap(&mut self, dt: f64, gyro_i: &Vector3, force_i: &Vector3, quality: Quality) -> [Coarse; 2] {
+        let before = self.samples.newest_two().filter(|(before, earlier)| {
+            let modelled = [quality, before.quality, earlier.quality].iter().any(|q| q.is_modelled());
+            !modelled && dt <= GAP
+        });
+        before.map_or([Coarse::ZERO; 2], |before| {
+            self.leaps.excess(before, gyro_i, force_i, &self.params.process, dt)
+        })
     }
 
     /// Takes a pose of the captured body. It is applied at the time at which it was taken, as soon as the samples reach it.
@@ -100,7 +111,7 @@ impl Estimator {
         if !pose.tracking_valid
             || !pose.is_finite()
             || pose.position_w.amax() > POSITION_LIMIT
-            || so3::rotation_defect(&pose.rotation_wr) > 1e-3
+            || so3::rotation_defect(&pose.rotation_wr) > so3::NEAR_ROTATION
             || self.initialized && time - self.now() > self.params.history
         {
             count(&mut self.counts.invalid);
@@ -122,8 +133,12 @@ impl Estimator {
             count(&mut self.counts.too_old);
             return Outcome::TooOld;
         }
-        let entry =
-            PoseEntry { time, position: pose.position_w, rotation: pose.rotation_wr, reported: false };
+        let entry = PoseEntry {
+            time,
+            position: pose.position_w,
+            rotation: so3::straightened(&pose.rotation_wr),
+            reported: false,
+        };
         let mut outcome = Outcome::Pending;
         self.enqueue(entry);
         self.work(now, &mut |report: &PoseReport| {
@@ -224,117 +239,35 @@ impl Estimator {
     pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
         match self.samples.get(number).quality {
             Quality::Modelled => self.model_filter,
-            Quality::Measured if length <= GAP => self.filter,
+            Quality::Measured if length <= GAP => {
+                let leap = self.samples.get(number).leap;
+                if leap == [Coarse::ZERO; 2] {
+                    self.filter
+                } else {
+                    Ukf::unchecked(roughened(&self.params.process, leap, length))
+                }
+            }
             Quality::Measured | Quality::Shaken | Quality::ModelledShaken => self.gap_filter,
         }
-    }
-
-    /// Gates a pose and corrects the head with what passes.
-    fn apply(&mut self, pose: &PoseEntry) -> PoseReport {
-        self.head.applied = pose.time;
-        let measured = self.params.imu_pose(&self.derived, &pose.position, &pose.rotation);
-        let Some(whole) = self.innovation(&measured, 1.0) else {
-            return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
-        };
-        let nis = whole.squared(6);
-        // Neither a model nor an impact has much to say against poses.
-        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT);
-        let outcome = if self.pass(pose.time, &measured, nis) {
-            Outcome::Accepted
-        } else if (!doubtful || turn(&whole.residual) > RIGHT_ANGLE) && self.pass_position(pose) {
-            Outcome::PositionOnly
-        } else {
-            self.contradict(pose.time, &measured, &whole, doubtful)
-        };
-        self.stale |= outcome != Outcome::Rejected;
-        report(pose.time, outcome, nis, Some(&whole))
-    }
-
-    /// What a pose of the IMU tells beyond the head, `noise` times as noisy as configured.
-    fn innovation(&self, measured: &ImuPose, noise: f64) -> Option<Innovation<6>> {
-        let noise = measured.noise.scaled(noise);
-        self.head.state.pose_innovation(&measured.position_w, &measured.rotation_wi, &noise)
-    }
-
-    /// Applies a pose that passes the gate, as noisy as poses have lately been.
-    fn pass(&mut self, time: f64, measured: &ImuPose, nis: f64) -> bool {
-        let trusted = self.innovation(measured, self.head.trust.noise);
-        let Some(passing) = trusted.filter(|i| i.squared(6) <= self.derived.gate_pose) else { return false };
-        self.head.state.apply(&passing);
-        self.head.trust.accept(time, nis / 6.0);
-        true
-    }
-
-    /// Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
-    fn pass_position(&mut self, pose: &PoseEntry) -> bool {
-        let head = &mut self.head;
-        let arm_w = head.state.mean.rotation_wi * self.derived.arm_i;
-        let [_, _, rotation] = head.state.deviations();
-        let noise = head.trust.noise * self.params.position_noise;
-        let variance = noise * noise + rotation * rotation * arm_w.norm_squared();
-        let alone = head.state.position_innovation(&(pose.position - arm_w), variance);
-        let Some(passing) = alone.filter(|i| i.squared(3) <= self.derived.gate_position) else {
-            return false;
-        };
-        head.state.apply(&passing);
-        // Its rotation tells nothing of the noise.
-        head.trust.accept(pose.time, head.trust.noise * head.trust.noise);
-        true
-    }
-
-    /// A pose that did not pass: where those before it did not either, they may be noisier
-    /// than configured, or right.
-    fn contradict(
-        &mut self,
-        time: f64,
-        measured: &ImuPose,
-        innovation: &Innovation<6>,
-        doubtful: bool,
-    ) -> Outcome {
-        let noise = (self.params.position_noise, self.params.rotation_noise);
-        let trust = &mut self.head.trust;
-        let long = doubtful || time - trust.accepted > self.params.reacquire_after;
-        let modelled = self.head.kept_bias.is_some();
-        let agreement = trust.refuse(time, &innovation.residual, noise, modelled);
-        let Some(agreement) = agreement.filter(Agreement::is_credible) else { return Outcome::Rejected };
-        if agreement.noise > trust.noise {
-            trust.noise = agreement.noise;
-            if self.pass(time, measured, agreement.noise * agreement.noise) {
-                return Outcome::Accepted;
-            }
-        }
-        if !long {
-            return Outcome::Rejected;
-        }
-        let before = self.head.state.mean;
-        let mean = Navigation {
-            position_w: before.position_w + agreement.position,
-            velocity_w: before.velocity_w + agreement.velocity,
-            rotation_wi: so3::exp(&agreement.rotation) * before.rotation_wi,
-            // Where a model stands in, it is the model's rate that is off.
-            gyro_bias_i: before.gyro_bias_i - before.rotation_wi.transpose() * agreement.rate,
-            ..before
-        };
-        self.head.state.restart(mean, &agreement.deviation);
-        self.head.trust.accept(time, agreement.noise * agreement.noise);
-        Outcome::Accepted
     }
 
     /// Counts the outcome of a pose's first application.
     fn note(&mut self, pose: &PoseEntry, report: &PoseReport) {
         self.nis = report.nis / 6.0;
-        let bounded = report.nis.min(self.derived.gate_pose) / 6.0;
+        let bounded = report.nis.min(self.derived.gate_pose).min(MOST_NIS) / 6.0;
         self.nis_mean += NIS_SHARE * (bounded - self.nis_mean);
         let counts = &mut self.counts;
         match report.outcome {
             Outcome::Accepted => count(&mut counts.accepted),
+            Outcome::Weighed => count(&mut counts.weighed),
             Outcome::PositionOnly => count(&mut counts.position_only),
             _ => count(&mut counts.rejected),
         }
-        if report.outcome != Outcome::Accepted && turn(&report.innovation) > RIGHT_ANGLE {
+        let whole = matches!(report.outcome, Outcome::Accepted | Outcome::Weighed);
+        if !whole && turn(&report.innovation) > RIGHT_ANGLE {
             count(&mut counts.flipped);
         }
-        if report.outcome == Outcome::Accepted && pose.time > self.newest_pose {
+        if whole && pose.time > self.newest_pose {
             self.newest_pose = pose.time;
         }
         if report.outcome != Outcome::Rejected && pose.time > self.newest_position {
@@ -368,16 +301,6 @@ impl Estimator {
     }
 }
 
-/// Angle of an innovation's rotation, rad.
-fn turn([_, _, _, x, y, z]: &[f64; 6]) -> f64 {
-    sqrt(x * x + y * y + z * z)
-}
-
 fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
-}
-
-fn report(time: f64, outcome: Outcome, nis: f64, innovation: Option<&Innovation<6>>) -> PoseReport {
-    let (innovation, deviation) = innovation.map_or(([0.0; 6], [0.0; 6]), |i| (i.residual, i.deviation));
-    PoseReport { time, outcome, nis, innovation, deviation }
 }

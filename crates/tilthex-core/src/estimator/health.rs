@@ -32,9 +32,11 @@ impl Status {
 pub enum Outcome {
     /// Position and rotation were applied.
     Accepted,
+    /// It surprises: position and rotation were applied as those of a noisier pose.
+    Weighed,
     /// The rotation contradicts the state (swapped markers), the position does not: it alone was applied.
     PositionOnly,
-    /// Beyond the gate.
+    /// So far off that neither the state nor the pose can be so wrong: nothing was applied.
     Rejected,
     /// Its time has not come, or the work of this tick is used up: it waits.
     Pending,
@@ -54,6 +56,7 @@ impl Outcome {
     pub fn name(self) -> &'static str {
         match self {
             Self::Accepted => "accepted",
+            Self::Weighed => "weighed",
             Self::PositionOnly => "position only",
             Self::Rejected => "rejected",
             Self::Pending => "pending",
@@ -85,9 +88,11 @@ pub struct PoseReport {
 pub struct Counts {
     /// Poses applied whole.
     pub accepted: u32,
+    /// Poses beyond the gate, applied as those of noisier ones.
+    pub weighed: u32,
     /// Poses of which only the position was applied.
     pub position_only: u32,
-    /// Poses beyond the gate.
+    /// Poses that contradict the state, of which nothing was applied.
     pub rejected: u32,
     /// Of the two before, those turned by more than 90 degrees.
     pub flipped: u32,

@@ -1,6 +1,6 @@
 //! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
 
-use super::{Head, Quality, kept_bias::KeptBias, trust::Trust};
+use super::{Head, Quality, coarse::Coarse, kept_bias::KeptBias, leaps::is_blow, trust::Trust};
 use crate::{
     types::{Matrix3, Vector3},
     ukf::PackedState,
@@ -20,6 +20,8 @@ pub(super) struct ImuEntry {
     pub(super) gyro: Vector3,
     pub(super) force: Vector3,
     pub(super) quality: Quality,
+    /// Squares of its leap from the two before, beyond the usual (see [`Leaps`](super::leaps::Leaps)).
+    pub(super) leap: [Coarse; 2],
 }
 
 /// The newest samples, by a number that counts up from zero.
@@ -33,8 +35,13 @@ impl ImuHistory {
     pub(super) const EMPTY: Self = {
         let zero = Vector3::new(0.0, 0.0, 0.0);
         Self {
-            entries: [ImuEntry { time: 0.0, gyro: zero, force: zero, quality: Quality::Measured };
-                SAMPLES as usize],
+            entries: [ImuEntry {
+                time: 0.0,
+                gyro: zero,
+                force: zero,
+                quality: Quality::Measured,
+                leap: [Coarse::ZERO; 2],
+            }; SAMPLES as usize],
             count: 0,
         }
     };
@@ -44,11 +51,13 @@ impl ImuHistory {
         self.count += 1;
     }
 
-    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured.
+    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured, or shows a blow.
     pub(super) fn doubtful(&self, next: u64, time: f64) -> bool {
         let first = next.saturating_sub(SAMPLES / 2);
         let Some(newest) = next.checked_sub(1).map(|last| self.get(last).time) else { return false };
-        (first..next).map(|n| self.get(n)).any(|s| s.quality != Quality::Measured && newest - s.time <= time)
+        (first..next)
+            .map(|n| self.get(n))
+            .any(|s| (s.quality != Quality::Measured || is_blow(s.leap)) && newest - s.time <= time)
     }
 
     /// Number of the next sample.
@@ -87,6 +96,11 @@ impl ImuHistory {
             return (end.gyro, end.force, end.time - start.time);
         }
         (0.5 * (start.gyro + end.gyro), 0.5 * (start.force + end.force), end.time - start.time)
+    }
+
+    /// The newest sample and the one before it.
+    pub(super) fn newest_two(&self) -> Option<(&ImuEntry, &ImuEntry)> {
+        (self.count > 1).then(|| (self.get(self.count - 1), self.get(self.count - 2)))
     }
 
     /// Number of the first sample after `time`.

@@ -13,15 +13,18 @@
 //! of late poses is caught up with over the next ticks (at 500 Hz the whole
 //! history, 0.3 s, in 21), while the output goes on from the samples.
 
+mod coarse;
 mod fusion;
 mod gate;
 mod health;
 mod history;
 mod kept_bias;
+mod leaps;
 mod output;
 mod params;
 mod rest;
 mod trust;
+mod weighing;
 
 pub use health::{Counts, Health, Outcome, PoseReport, Status};
 pub use params::EstimatorParams;
@@ -34,6 +37,7 @@ use crate::{
 };
 use history::{Checkpoints, ImuHistory, PoseQueue};
 use kept_bias::KeptBias;
+use leaps::Leaps;
 use libm::sqrt;
 use params::Derived;
 use rest::RestDetector;
@@ -108,6 +112,7 @@ pub struct Estimator {
     poses: PoseQueue,
     checkpoints: Checkpoints,
     rest: RestDetector,
+    leaps: Leaps,
     slow_rate_i: Vector3,
     angular_acceleration_i: Vector3,
     newest_pose: f64,
@@ -149,6 +154,7 @@ impl Estimator {
             poses: PoseQueue::EMPTY,
             checkpoints: Checkpoints::new(params.history),
             rest: RestDetector::EMPTY,
+            leaps: Leaps::NONE,
             slow_rate_i: Vector3::zeros(),
             angular_acceleration_i: Vector3::zeros(),
             newest_pose: 0.0,
@@ -220,8 +226,9 @@ impl Estimator {
             return Err(Error::NotFinite { name: "position" });
         }
         crate::error::check_range("position", position_w.amax(), 0.0, POSITION_LIMIT)?;
-        so3::check_rotation("rotation", rotation_wc)?;
-        let pose = self.params.imu_pose(&self.derived, position_w, rotation_wc);
+        let rotation_wc = so3::straightened(rotation_wc);
+        so3::check_rotation("rotation", &rotation_wc)?;
+        let pose = self.params.imu_pose(&self.derived, position_w, &rotation_wc);
         Ok(Navigation { position_w: pose.position_w, rotation_wi: pose.rotation_wi, ..Navigation::ORIGIN })
     }
 

@@ -8,6 +8,7 @@ use crate::{
     types::{Matrix3, Vector3, is_finite3},
     ukf::{InitialDeviation, PoseNoise, ProcessNoise},
 };
+use libm::sqrt;
 
 /// Parameters of the [`Estimator`](super::Estimator).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,14 +27,15 @@ pub struct EstimatorParams {
     pub body_position_r: Vector3,
     /// Maps the captured body's coordinates to robot coordinates.
     pub body_rotation_rc: Matrix3,
-    /// Probability with which a good pose passes the gate.
+    /// Probability with which a good pose passes the gate; 1 switches the gate off.
     pub gate_probability: f64,
     /// Time over which late poses are still applied, s.
     pub history: f64,
     /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
     /// Negative where it is the IMU whose stamps are late.
     pub latency: f64,
-    /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
+    /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
+    /// state, s.
     pub reacquire_after: f64,
     /// Age of the newest accepted pose at which the state counts as coasting, s.
     pub coast_after: f64,
@@ -77,7 +79,8 @@ impl Default for EstimatorParams {
 pub(super) struct ImuPose {
     pub(super) position_w: Vector3,
     pub(super) rotation_wi: Matrix3,
-    pub(super) noise: PoseNoise,
+    /// From the IMU to the captured body's origin, m, world.
+    arm_w: Vector3,
 }
 
 /// Parameters in the form that the steps use.
@@ -97,7 +100,7 @@ impl EstimatorParams {
     pub(super) fn derive(&self) -> Result<Derived, Error> {
         check_range("position_noise", self.position_noise, 1e-4, 1.0)?;
         check_range("rotation_noise", self.rotation_noise, 1e-4, 1.0)?;
-        check_range("gate_probability", self.gate_probability, 0.5, 1.0 - 1e-12)?;
+        check_range("gate_probability", self.gate_probability, 0.5, 1.0)?;
         check_range("history", self.history, 0.02, 1.0)?;
         check_range("latency", self.latency, -0.05, 0.5 * self.history)?;
         check_range("reacquire_after", self.reacquire_after, 0.0, 60.0)?;
@@ -127,11 +130,16 @@ impl EstimatorParams {
     pub(super) fn imu_pose(&self, derived: &Derived, position_w: &Vector3, rotation_wc: &Matrix3) -> ImuPose {
         let rotation_wi = rotation_wc * derived.rotation_ci;
         let arm_w = rotation_wi * derived.arm_i;
-        ImuPose {
-            position_w: position_w - arm_w,
-            rotation_wi,
-            noise: PoseNoise::new(self.position_noise, self.rotation_noise, &arm_w),
-        }
+        ImuPose { position_w: position_w - arm_w, rotation_wi, arm_w }
+    }
+
+    /// Its noise, with variances of position and rotation so many times those that are configured.
+    pub(super) fn pose_noise(&self, pose: &ImuPose, (position, rotation): (f64, f64)) -> PoseNoise {
+        PoseNoise::new(
+            self.position_noise * sqrt(position),
+            self.rotation_noise * sqrt(rotation),
+            &pose.arm_w,
+        )
     }
 }
 

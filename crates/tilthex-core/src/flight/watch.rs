@@ -69,7 +69,7 @@ impl Poses {
     fn of(health: &Health) -> Self {
         let c = &health.counts;
         Self {
-            taken: c.accepted.saturating_add(c.position_only),
+            taken: c.accepted.saturating_add(c.weighed).saturating_add(c.position_only),
             refused: c.rejected.saturating_add(c.too_old).saturating_add(c.invalid),
         }
     }

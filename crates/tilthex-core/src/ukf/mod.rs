@@ -207,6 +207,11 @@ pub struct Ukf {
     noise: ProcessNoise,
 }
 
+/// Whether an entry of the (internal) error state is a bias's.
+fn is_bias(i: usize) -> bool {
+    (GYRO_BIAS..GYRO_BIAS + 3).contains(&i) || (ACCELEROMETER_BIAS..ACCELEROMETER_BIAS + 3).contains(&i)
+}
+
 impl UkfState {
     /// `mean` with independent errors of the given deviations.
     #[must_use]
@@ -260,10 +265,24 @@ impl UkfState {
         }
     }
 
-    /// Takes a pose for its own, with independent errors of the given
-    /// deviations; velocity and biases keep their values.
+    /// Takes position, velocity and rotation for its own, with independent errors of the given deviations;
+    /// what is known of the biases stays.
     pub fn restart(&mut self, mean: Navigation, deviation: &InitialDeviation) {
-        *self = Self { recoveries: self.recoveries, ..Self::new(mean, deviation) };
+        let fresh = Self::new(mean, deviation);
+        let mut biases = self.covariance;
+        for i in (0..N).filter(|i| !is_bias(*i)) {
+            biases.scale(i, 0.0);
+            biases.0[i][i] = fresh.covariance.0[i][i];
+        }
+        (self.mean, self.covariance) = (mean, biases);
+    }
+
+    /// Lets position, velocity and rotation be known `factor` times worse; what is known of the biases stays.
+    pub fn loosen(&mut self, factor: f64) {
+        for i in (0..N).filter(|i| !is_bias(*i)) {
+            self.covariance.scale(i, factor);
+        }
+        self.limit();
     }
 
     /// Whether mean and covariance are finite, and the covariance positive definite.
@@ -330,6 +349,11 @@ impl Ukf {
     pub fn new(noise: ProcessNoise) -> Result<Self, Error> {
         noise.check()?;
         Ok(Self { noise })
+    }
+
+    /// A filter whose noise is known to be good: one that has been checked, grown for a while.
+    pub(crate) const fn unchecked(noise: ProcessNoise) -> Self {
+        Self { noise }
     }
 
     /// Moves the state by `dt` seconds (0 to 1) of constant readings: `gyro_i` in rad/s

@@ -1,0 +1,69 @@
+//! Leaps of the inertial readings: a blow, of which the samples show only a part.
+//!
+//! Between two samples the readings count as their mean. That follows a line; what leaves the line through the two
+//! samples before, `x - 2 y + z`, was somewhere in between, and the interval's integral is off by a share of it.
+//! White noise leaps too, and vibration all the time, which adds up to nothing: only what is beyond the
+//! usual counts.
+
+use super::{coarse::Coarse, history::ImuEntry};
+use crate::{types::Vector3, ukf::ProcessNoise};
+
+/// White noise leaps by this many times its variance at the most: 6 for `x - 2 y + z`, times the quantile of a chi-square
+/// variable of 3 degrees of freedom at 1 - 1e-5.
+const OF_NOISE: f64 = 6.0 * 25.9;
+/// Leaps below this many times their mean square are usual.
+const OF_USUAL: f64 = 9.0;
+/// Time over which the mean square is taken, s.
+const MEMORY: f64 = 0.5;
+/// Share of the square of a leap that an interval's integral misses: of the rate and of the specific force.
+const MISSED: [f64; 2] = [0.01, 0.02];
+/// Leaps whose squares are beyond the usual by this much are a blow, (rad/s)^2 and (m/s^2)^2.
+const BLOW: [f64; 2] = [9.0, 900.0];
+
+/// The usual leaps, (rad/s)^2 and (m/s^2)^2.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Leaps([f64; 2]);
+
+impl Leaps {
+    pub(super) const NONE: Self = Self([0.0; 2]);
+
+    /// Squares of the leap to readings `dt` s after `before`, and that after `earlier`, beyond the usual.
+    pub(super) fn excess(
+        &mut self,
+        (before, earlier): (&ImuEntry, &ImuEntry),
+        gyro_i: &Vector3,
+        force_i: &Vector3,
+        noise: &ProcessNoise,
+        dt: f64,
+    ) -> [Coarse; 2] {
+        let gyro = gyro_i - 2.0 * before.gyro + earlier.gyro;
+        let force = force_i - 2.0 * before.force + earlier.force;
+        let squares = [gyro.norm_squared(), force.norm_squared()];
+        let densities = [noise.gyro, noise.accelerometer];
+        let mut excess = [Coarse::ZERO; 2];
+        for (((usual, square), density), out) in
+            self.0.iter_mut().zip(squares).zip(densities).zip(&mut excess)
+        {
+            let limit = OF_NOISE * density * density / dt + OF_USUAL * *usual;
+            *out = Coarse::new(square - limit);
+            *usual += (dt / MEMORY).min(1.0) * (square.min(limit) - *usual);
+        }
+        excess
+    }
+}
+
+/// Whether a leap beyond the usual is a blow, after which the state may be wrong by more than its covariance has it.
+pub(super) fn is_blow(leap: [Coarse; 2]) -> bool {
+    leap.iter().zip(BLOW).any(|(leap, blow)| leap.get() > blow)
+}
+
+/// The noise over an interval of `dt` s whose later sample leaps by that much beyond the usual.
+pub(super) fn roughened(noise: &ProcessNoise, leap: [Coarse; 2], dt: f64) -> ProcessNoise {
+    let [gyro, force] = leap.map(Coarse::get);
+    let rougher = |density: f64, missed: f64| libm::sqrt(density * density + missed * dt);
+    ProcessNoise {
+        gyro: rougher(noise.gyro, MISSED[0] * gyro),
+        accelerometer: rougher(noise.accelerometer, MISSED[1] * force),
+        ..*noise
+    }
+}

@@ -1,0 +1,248 @@
+//! How a pose corrects the head: whole where it passes the gate, and weighed where it surprises.
+//!
+//! A surprise has two explanations: the pose is noisier than configured, or the state is worse than its
+//! covariance has it. Whichever is nearer is taken, and scaled until the surprise is at the gate: the pose's
+//! noise, or the deviations of position, velocity and rotation (after a gap, or where the pose before
+//! said the same). Where neither can be so wrong the pose contradicts the state, and nothing is applied.
+
+use super::{
+    Estimator, Outcome, PoseReport,
+    history::PoseEntry,
+    params::ImuPose,
+    trust::{Agreement, Said},
+};
+use crate::{
+    so3,
+    types::Vector3,
+    ukf::{Innovation, Navigation, UkfState},
+};
+use libm::sqrt;
+
+/// Past this a rotation contradicts the state because markers were swapped, rad.
+pub(super) const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
+/// So long after a sample that was not simply measured the state is doubtful, s.
+const DOUBT: f64 = 0.1;
+/// Largest scale of a surprising pose's variances: past it the pose contradicts.
+const MOST_NOISE: f64 = 100.0;
+/// Largest scale of the state's variances.
+const MOST_DOUBT: f64 = 32.0;
+/// The same after a blow, or where a model stands in for the IMU.
+const MOST_DOUBT_SHAKEN: f64 = 1e4;
+/// The state is what is wrong where its variances have to grow this many times less than the pose's.
+const NEARER: f64 = 4.0;
+/// Steps of the search for a scale: bounded work.
+const SEARCH_STEPS: u32 = 6;
+/// A rotation that poses contradict may be wrong by this much for each second since the last that agreed, rad/s.
+const TURN_RATE: f64 = 0.3;
+
+/// Scales of the variances of a measured position and rotation.
+type Scales = (f64, f64);
+
+impl Estimator {
+    /// Corrects the head with a pose.
+    pub(super) fn apply(&mut self, pose: &PoseEntry) -> PoseReport {
+        self.head.applied = pose.time;
+        let measured = self.params.imu_pose(&self.derived, &pose.position, &pose.rotation);
+        let own = self.head.trust.noise * self.head.trust.noise;
+        let (Some(whole), Some(trusted)) =
+            (self.innovation(&measured, (1.0, 1.0)), self.innovation(&measured, (own, own)))
+        else {
+            return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
+        };
+        let surprise = trusted.squared(6);
+        let nis = whole.squared(6);
+        let gate = self.derived.gate_pose;
+        let outcome = if surprise <= gate || surprise <= gate * self.head.trust.level() {
+            self.head.state.apply(&trusted);
+            self.head.trust.accept(pose.time, nis / 6.0);
+            Outcome::Accepted
+        } else {
+            self.surprised(pose, &measured, &whole, surprise)
+        };
+        if matches!(outcome, Outcome::Accepted | Outcome::Weighed) {
+            self.head.trust.remember(surprise);
+        }
+        self.stale |= outcome != Outcome::Rejected;
+        report(pose.time, outcome, nis, Some(&whole))
+    }
+
+    /// What a pose of the IMU tells beyond the head, with variances so many times those that are configured.
+    fn innovation(&self, measured: &ImuPose, scales: Scales) -> Option<Innovation<6>> {
+        innovation(&self.head.state, measured, &self.params.pose_noise(measured, scales))
+    }
+
+    /// A pose beyond the gate.
+    fn surprised(
+        &mut self,
+        pose: &PoseEntry,
+        measured: &ImuPose,
+        whole: &Innovation<6>,
+        surprise: f64,
+    ) -> Outcome {
+        // Neither a model nor an impact has much to say against poses.
+        let since = pose.time - self.head.trust.accepted;
+        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT + since);
+        let said = Said::new(since, &whole.residual);
+        let gate = self.derived.gate_pose * self.head.trust.level();
+        let repeated = self.head.trust.repeats(&said, self.noises());
+        if turn(&whole.residual) > RIGHT_ANGLE && self.pass_position(pose) {
+            return Outcome::PositionOnly;
+        }
+        let noise = self.noise_for(measured, surprise, gate);
+        let most = if doubtful { MOST_DOUBT_SHAKEN } else { MOST_DOUBT };
+        let doubt = self.doubt_for(measured, surprise, gate, most);
+        let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
+        if let Some(doubt) = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed) {
+            self.head.state.loosen(sqrt(doubt));
+            let own = self.head.trust.noise * self.head.trust.noise;
+            if let Some(passing) = self.innovation(measured, (own, own)) {
+                self.head.state.apply(&passing);
+                self.head.trust.accept(pose.time, own);
+                return Outcome::Accepted;
+            }
+        }
+        if let Some(weighed) = noise.and_then(|scales| self.innovation(measured, scales)) {
+            self.head.state.apply(&weighed);
+            self.head.trust.weigh(said);
+            return Outcome::Weighed;
+        }
+        self.contradict(pose, measured, said, doubtful)
+    }
+
+    /// The scales of the pose's variances with which it is at the gate: those of position or rotation
+    /// alone where the other one does not surprise. None where they would be too large.
+    fn noise_for(&self, measured: &ImuPose, surprise: f64, gate: f64) -> Option<Scales> {
+        let own = self.head.trust.noise * self.head.trust.noise;
+        let most = own * MOST_NOISE;
+        let alone = |scales: Scales| self.innovation(measured, scales).is_some_and(|i| i.squared(6) <= gate);
+        let (place, turn) = match (alone((own, most)), alone((most, own))) {
+            (true, _) => (own, most),
+            (_, true) => (most, own),
+            _ => (most, most),
+        };
+        let scales = |by: f64| (place.min(own * by), turn.min(own * by));
+        let at = |by: f64| self.innovation(measured, scales(by)).map(|i| i.squared(6));
+        to_gate(surprise, gate, MOST_NOISE, at).map(scales)
+    }
+
+    /// The scale of the state's variances with which a pose is at the gate. None where it would be too large.
+    fn doubt_for(&self, measured: &ImuPose, surprise: f64, gate: f64, most: f64) -> Option<f64> {
+        let own = self.head.trust.noise * self.head.trust.noise;
+        let noise = self.params.pose_noise(measured, (own, own));
+        to_gate(surprise, gate, most, |by| {
+            let mut state = self.head.state;
+            state.loosen(sqrt(by));
+            innovation(&state, measured, &noise).map(|i| i.squared(6))
+        })
+    }
+
+    /// Configured deviations of position (m) and rotation (rad).
+    fn noises(&self) -> (f64, f64) {
+        (self.params.position_noise, self.params.rotation_noise)
+    }
+
+    /// Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
+    fn pass_position(&mut self, pose: &PoseEntry) -> bool {
+        let head = &mut self.head;
+        let arm_w = head.state.mean.rotation_wi * self.derived.arm_i;
+        let [_, _, rotation] = head.state.deviations();
+        let noise = head.trust.noise * self.params.position_noise;
+        let variance = noise * noise + rotation * rotation * arm_w.norm_squared();
+        let alone = head.state.position_innovation(&(pose.position - arm_w), variance);
+        let Some(passing) = alone.filter(|i| i.squared(3) <= self.derived.gate_position * head.trust.level())
+        else {
+            return false;
+        };
+        head.state.apply(&passing);
+        true
+    }
+
+    /// A pose that neither its noise nor the state's explains: where those before it did not fit either, they may be
+    /// noisier than configured, or right.
+    fn contradict(&mut self, pose: &PoseEntry, measured: &ImuPose, said: Said, doubtful: bool) -> Outcome {
+        let noises = self.noises();
+        let trust = &mut self.head.trust;
+        let modelled = self.head.kept_bias.is_some();
+        let since = pose.time - trust.accepted;
+        let lasting = since > self.params.reacquire_after;
+        let agreement = trust.refuse(said, noises, modelled);
+        let Some(agreement) = agreement.filter(Agreement::is_credible) else {
+            return self.refused(pose);
+        };
+        let nis = agreement.noise * agreement.noise;
+        if agreement.noise > trust.noise {
+            trust.noise = agreement.noise;
+            if let Some(passing) =
+                self.innovation(measured, (nis, nis)).filter(|i| i.squared(6) <= self.derived.gate_pose)
+            {
+                self.head.state.apply(&passing);
+                self.head.trust.accept(pose.time, nis);
+                return Outcome::Accepted;
+            }
+        }
+        let turned = agreement.rotation.norm();
+        let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
+        if doubtful || possible && self.pass_position(pose) {
+            self.believe(&agreement, modelled);
+            self.head.trust.accept(pose.time, nis);
+            return Outcome::Accepted;
+        }
+        self.refused(pose)
+    }
+
+    /// Of a pose that contradicts the state the position may be good.
+    fn refused(&mut self, pose: &PoseEntry) -> Outcome {
+        if self.pass_position(pose) { Outcome::PositionOnly } else { Outcome::Rejected }
+    }
+
+    /// Believes poses that agree with each other against the state.
+    fn believe(&mut self, agreement: &Agreement, modelled: bool) {
+        let state = &mut self.head.state;
+        let before = state.mean;
+        let mean = Navigation {
+            position_w: before.position_w + agreement.position,
+            velocity_w: before.velocity_w + agreement.velocity,
+            rotation_wi: so3::exp(&agreement.rotation) * before.rotation_wi,
+            ..before
+        };
+        state.restart(mean, &agreement.deviation);
+        if modelled {
+            // Where a model stands in, it is the model's rate that is off.
+            state.set_gyro_bias(&crate::ukf::GyroBias {
+                mean_i: before.gyro_bias_i - before.rotation_wi.transpose() * agreement.rate,
+                deviation: agreement.deviation.gyro_bias,
+            });
+        }
+    }
+}
+
+/// The scale of some variances with which a surprise `at` that scale is at the gate, `surprise` at 1.
+/// It never falls faster than the scale grows, so that no step goes too far.
+fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+    let (mut by, mut now) = (1.0, surprise);
+    for _ in 0..SEARCH_STEPS {
+        by *= now / gate;
+        if by > most || by.is_nan() {
+            return None;
+        }
+        now = at(by)?;
+        if now < 1.05 * gate {
+            return Some(by);
+        }
+    }
+    None
+}
+
+fn innovation(state: &UkfState, measured: &ImuPose, noise: &crate::ukf::PoseNoise) -> Option<Innovation<6>> {
+    state.pose_innovation(&measured.position_w, &measured.rotation_wi, noise)
+}
+
+/// Angle of an innovation's rotation, rad.
+pub(super) fn turn([_, _, _, x, y, z]: &[f64; 6]) -> f64 {
+    Vector3::new(*x, *y, *z).norm()
+}
+
+fn report(time: f64, outcome: Outcome, nis: f64, innovation: Option<&Innovation<6>>) -> PoseReport {
+    let (innovation, deviation) = innovation.map_or(([0.0; 6], [0.0; 6]), |i| (i.residual, i.deviation));
+    PoseReport { time, outcome, nis, innovation, deviation }
+}

@@ -1,0 +1,155 @@
+//! Poses that surprise: weighed, believed or refused.
+
+use super::{errors, params, recording, run};
+use tilthex_core::{
+    PoseSample, Vector3,
+    estimator::{Estimator, EstimatorParams, Status},
+    random::Random,
+    so3,
+};
+
+/// A vehicle that was carried elsewhere, unseen: refused at first, then found again.
+#[test]
+fn a_lasting_contradiction_is_taken_up() {
+    let recording = recording(5, 6.0);
+    let shift = Vector3::new(0.4, -0.2, 0.1);
+    let mut poses = recording.poses.clone();
+    for pose in poses.iter_mut().filter(|p| p.time > 2.0) {
+        pose.position_w += shift;
+    }
+    let mut estimator = Estimator::new(params()).unwrap();
+    run(&mut estimator, &recording, &poses, |_, _| ());
+    let end = recording.truth.last().unwrap();
+    assert!(estimator.health().counts.rejected > 25);
+    assert!((estimator.robot_state().position_w - end.position_w - shift).norm() < 0.003);
+    assert_eq!(estimator.health().status, Status::Tracking);
+}
+
+/// A blow that the IMU cannot measure, as its readings leap off: position and velocity are found again from the poses,
+/// and what is known of the biases stays.
+#[test]
+fn a_blow_is_found_in_the_poses() {
+    for (seed, reading) in [(10, Vector3::new(60.0, -20.0, -78.0)), (11, Vector3::new(-50.0, 78.0, 30.0))] {
+        let mut recording = recording(seed, 4.0);
+        let blow = Vector3::new(2.0, -1.0, -3.0);
+        for pose in recording.poses.iter_mut().filter(|p| p.time > 2.0) {
+            pose.position_w += blow * (pose.time - 2.0);
+        }
+        let at = recording.imu.iter().position(|s| s.0 >= 2.0).unwrap();
+        recording.imu[at].2 += reading;
+        let mut estimator = Estimator::new(params()).unwrap();
+        let (mut known, mut worst) = (0.0, 0.0f64);
+        run(&mut estimator, &recording, &recording.poses, |e, k| {
+            let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
+            let bias = e.covariance().fixed_view::<3, 3>(12, 12).trace().sqrt();
+            known = if time < 1.99 { bias } else { known };
+            worst = if time > 1.99 { worst.max(bias) } else { worst };
+            if time > 2.3 {
+                let state = e.robot_state();
+                let position = state.position_w - truth.position_w - blow * (time - 2.0);
+                assert!(position.norm() < 0.02, "{time}: {position}");
+                assert!((state.velocity_w - truth.velocity_w - blow).norm() < 0.25, "{time}");
+            }
+        });
+        assert!(worst < 1.1 * known, "{worst} {known}");
+    }
+}
+
+/// Poses that leave as no blow shows in the IMU: they are another body's. None is believed, and health says that
+/// there is none, while the state is as good as without poses.
+#[test]
+fn poses_that_the_imu_contradicts_are_not_believed() {
+    let recording = recording(10, 4.0);
+    let mut poses = recording.poses.clone();
+    for pose in poses.iter_mut().filter(|p| p.time > 2.0) {
+        pose.position_w += Vector3::new(2.0, -1.0, -3.0) * (pose.time - 2.0) + Vector3::new(0.5, 0.0, 0.0);
+    }
+    let mut estimator = Estimator::new(params()).unwrap();
+    run(&mut estimator, &recording, &poses, |e, k| {
+        let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
+        if time > 2.0 {
+            let deviation = e.covariance().fixed_view::<3, 3>(0, 0).trace().sqrt();
+            let error = (e.robot_state().position_w - truth.position_w).norm();
+            assert!(error < 4.0 * deviation && error < 0.2, "{time}: {error} {deviation}");
+            assert!(e.health().position_age > time - 2.02, "{time}");
+        }
+    });
+    assert!(estimator.health().nis_mean > 4.0);
+    assert_eq!(estimator.health().counts.rejected, 199);
+}
+
+/// A gyro that is badly scaled and aligned: its poses' rotations are not locked out, the errors are those without a gate.
+#[test]
+fn a_wrong_gyro_does_not_lock_rotations_out() {
+    let mut recording = recording(12, 8.0);
+    let turn = so3::exp(&Vector3::new(0.02, 0.0, 0.02));
+    for (_, gyro, _) in &mut recording.imu {
+        *gyro = turn * *gyro * 1.1;
+    }
+    let poses: Vec<_> = recording.poses.iter().step_by(10).copied().collect();
+    let worst = |gate_probability: f64| {
+        let mut estimator = Estimator::new(EstimatorParams { gate_probability, ..params() }).unwrap();
+        let found = errors(&mut estimator, &recording, &poses);
+        found.iter().fold((0.0f64, 0.0f64), |worst, e| (worst.0.max(e.0), worst.1.max(e.1)))
+    };
+    let (gated, open) = (worst(0.9999), worst(1.0));
+    assert!(gated.0 < 1.1 * open.0 && gated.1 < 1.1 * open.1, "{gated:?} {open:?}");
+    assert!(open.1 > 0.01, "{open:?}");
+}
+
+/// A pose beyond the gate by little is weighed: it moves the state by less than a good one, and not past the gate.
+#[test]
+fn a_surprise_is_weighed() {
+    let recording = recording(13, 3.0);
+    let at = recording.poses.iter().position(|p| p.time >= 2.5).unwrap();
+    let moved = |off: f64, gate_probability: f64| {
+        let poses = recording.poses.iter().enumerate();
+        let poses: Vec<_> = poses
+            .filter(|(k, _)| *k <= at)
+            .map(|(k, p)| {
+                if k == at { PoseSample { position_w: p.position_w + Vector3::x() * off, ..*p } } else { *p }
+            })
+            .collect();
+        let mut estimator = Estimator::new(EstimatorParams { gate_probability, ..params() }).unwrap();
+        run(&mut estimator, &recording, &poses, |_, _| ());
+        (estimator.robot_state().position_w.x, estimator.health().counts)
+    };
+    let (still, _) = moved(0.0, 0.9999);
+    for (off, weighed, rejected) in [(4e-3, 1, 0), (10e-3, 1, 0), (0.5, 0, 1)] {
+        let (found, counts) = moved(off, 0.9999);
+        assert_eq!((counts.weighed, counts.rejected), (weighed, rejected), "{off}");
+        let (open, counts) = moved(off, 1.0);
+        assert_eq!((counts.weighed, counts.rejected), (0, 0), "{off}");
+        assert!((found - still).abs() < 0.6 * (open - still).abs(), "{off}: {found} {open} {still}");
+        assert!((found - still).abs() < 1.5e-3, "{off}: {found} {still}");
+    }
+}
+
+/// Poses fifty times as noisy as configured: weighed as what they are, and health says so.
+#[test]
+fn noisier_poses_than_configured_are_weighed() {
+    let recording = recording(11, 5.0);
+    let mut random = Random::new(11);
+    let mut poses = recording.poses.clone();
+    for pose in poses.iter_mut().filter(|p| (2.0..4.0).contains(&p.time)) {
+        pose.position_w += random.normal3(50.0 * 0.3e-3);
+        pose.rotation_wr *= so3::exp(&random.normal3(30.0 * 2e-3));
+    }
+    let mut estimator = Estimator::new(params()).unwrap();
+    let mut inconsistency = 0.0f64;
+    let mut worst = (0.0f64, 0.0f64);
+    run(&mut estimator, &recording, &poses, |e, k| {
+        let (state, truth) = (e.robot_state(), &recording.truth[k]);
+        if recording.imu[k].0 > 1.0 {
+            worst.0 = worst.0.max((state.position_w - truth.position_w).norm());
+            worst.1 = worst.1.max(so3::angle(&(state.rotation_wr * truth.rotation_wr.transpose())));
+            inconsistency = inconsistency.max(e.health().nis_mean);
+        }
+    });
+    assert!(worst.0 < 0.05 && worst.1 < 0.05, "{worst:?}");
+    assert!(inconsistency > 4.0, "{inconsistency}");
+    // The trust comes back with the poses.
+    let end = recording.truth.last().unwrap();
+    assert!((estimator.robot_state().position_w - end.position_w).norm() < 0.003);
+    assert!(estimator.health().nis_mean < 2.0, "{}", estimator.health().nis_mean);
+}
