@@ -160,6 +160,8 @@ impl SupervisorSection {
         check::<Self>("max_force", self.max_force, 0.1, 1e3)?;
         check::<Self>("max_torque", self.max_torque, 0.01, 1e3)?;
         check::<Self>("start_timeout", self.start_timeout, 1.0, 300.0)?;
+        check::<Self>("geofence", self.geofence, 0.1, 1e4)?;
+        check::<Self>("geofence_height", self.geofence_height, 0.1, 1e4)?;
         Ok(WatchParams {
             battery_low: self.battery_low,
             battery_critical: self.battery_critical,
@@ -170,6 +172,8 @@ impl SupervisorSection {
             max_force: self.max_force,
             max_torque: self.max_torque,
             start_timeout: self.start_timeout,
+            geofence: self.geofence,
+            geofence_height: self.geofence_height,
         })
     }
 }

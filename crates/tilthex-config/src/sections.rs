@@ -81,6 +81,10 @@ section! {
         max_torque: f64 = 5.0,
         /// Longest time from the first start command until all motors spin, s.
         start_timeout: f64 = 30.0,
+        /// The vehicle lands where it is farther than this from its start along x or y, m.
+        geofence: f64 = 3.0,
+        /// The vehicle lands where it is higher than this above its start, m.
+        geofence_height: f64 = 3.0,
     }
 }
 

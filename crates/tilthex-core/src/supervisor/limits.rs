@@ -6,6 +6,8 @@ pub const IMU_LATE: f64 = 6e-3;
 pub const IMU_SILENT: f64 = 0.05;
 /// So many inertial readings in a row that are equal to the bit are no measurement.
 pub const IMU_FROZEN: u32 = 25;
+/// A line whose samples come later than they used to by more than this is late, s.
+pub const LINE_LATE: f64 = 0.015;
 /// Streams that are silent for longer than this are asked for again, s.
 pub const STREAM_SILENT: f64 = 0.5;
 /// A motor's measurement that is older than this is stale, s.
@@ -22,6 +24,10 @@ pub const STOPPED: f64 = 0.5;
 pub const THRUST_MISSING: f64 = 0.6;
 /// The same rotor is suspected to have no thrust for so long, s.
 pub const THRUST_AFTER: f64 = 0.06;
+/// Then it is tried: it stands still for so long, s.
+pub const THRUST_TRIAL: f64 = 0.15;
+/// A motor that says it has stopped is believed after so long, unless its rotor lifts, s.
+pub const STOPPED_AFTER: f64 = 0.06;
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 pub const ADRIFT_SPEED: f64 = 1.0;
 /// A pose that is older than this is late, s.
@@ -40,6 +46,16 @@ pub const INCONSISTENCY: f64 = 4.0;
 pub const POSITION_DEVIATION: f64 = 0.5;
 /// Deviation of the velocity above which the speed is not known, m/s.
 pub const VELOCITY_DEVIATION: f64 = 1.0;
+/// A landing that comes no lower for so long fails, s.
+pub const LANDING_STOPS: f64 = 8.0;
+/// A landing that rises above its begin by this fails, m.
+pub const LANDING_RISES: f64 = 0.6;
+/// A landing that moves aside from its begin by this fails, m.
+pub const LANDING_ASIDE: f64 = 1.0;
+/// A landing this far beyond the geofence fails, m.
+pub const FENCE_MARGIN: f64 = 0.5;
+/// Speed of a descent that is forced, m/s.
+pub const FORCED_SPEED: f64 = 0.7;
 /// A streamed set-point that is older than this is stale, s.
 pub const SETPOINT_STALE: f64 = 0.2;
 /// A period of the loop that is longer than this is an overrun, s.
