@@ -11,15 +11,16 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
 
-from tilthex.experiments import judge, peg_in_hole, spec
+from tilthex.experiments import peg_in_hole, spec
 from tilthex.experiments.flight import fly
+from tilthex.experiments.found import judge_of
 from tilthex.experiments.record import Record
 
 
 @pytest.mark.parametrize("name", spec.built_in())
 def test_the_short_version_passes_what_it_checks(name: str) -> None:
     experiment = spec.load(name, short=True)
-    judged = judge.of(experiment.kind)
+    judged = judge_of(experiment)
     checked = 0
     for run in experiment.runs:
         record = fly(run)
@@ -59,7 +60,7 @@ def test_the_command_writes_a_report(tmp_path: Path) -> None:
     ("arguments", "said"),
     [
         (["slidign"], "no experiment 'slidign'"),
-        (["sliding", "--random", "3"], "peg-in-hole only"),
+        (["sliding", "--random", "3"], "--random needs an experiment with random cases; sliding has none"),
         (["peg-in-hole", "--case", "3"], "--random"),
         (["sliding", "--set", "world.friction"], "--set world.friction"),
     ],

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
 
-from tilthex.experiments import judge, peg_in_hole, spec
+from tilthex.experiments import peg_in_hole, spec
+from tilthex.experiments.found import judge_of
 from tilthex.experiments.stability import Chain, growth, least_damping
 
 
@@ -21,7 +22,7 @@ from tilthex.experiments.stability import Chain, growth, least_damping
 def test_every_built_in_experiment_loads(name: str, short: bool) -> None:
     experiment = spec.load(name, short=short)
     assert experiment.runs
-    judge.of(experiment.kind)
+    assert judge_of(experiment).checks.__module__ == f"tilthex.experiments.{name.replace('-', '_')}"
     for run in experiment.runs:
         run.scene()
 
@@ -53,8 +54,37 @@ def test_a_wrong_file_is_refused_in_one_sentence(tmp_path: Path, old: str, new: 
     assert "\n" not in str(refused.value)
 
 
+OWN_JUDGE = """
+from tilthex.experiments.judge import Judge
+from tilthex.experiments.record import Check
+
+JUDGE = Judge(lambda run, record: [Check("own", "", "", run.name, True)], lambda flights: {})
+"""
+
+
+def test_an_own_experiment_is_judged_by_the_module_beside_it(tmp_path: Path) -> None:
+    text = (Path(spec.__file__).parent / "sliding.toml").read_text()
+    own = tmp_path / "my-slide.toml"
+    own.write_text(text.replace('experiment = "sliding"\n', ""))
+    experiment = spec.load(str(own))
+    # Without a module nothing is judged.
+    assert judge_of(experiment).checks(experiment.runs[0], None) == []  # type: ignore[arg-type]
+    (tmp_path / "my_slide.py").write_text(OWN_JUDGE)
+    checks = judge_of(experiment).checks(experiment.runs[0], None)  # type: ignore[arg-type]
+    assert [check.what for check in checks] == ["own"]
+    (tmp_path / "my_slide.py").write_text("JUDGE = 3\n")
+    with pytest.raises(ValueError, match=r"my_slide\.py: JUDGE is 3; expected a"):
+        judge_of(experiment)
+    # A file may name a built-in experiment that judges it; an unknown one is refused.
+    own.write_text(text)
+    assert judge_of(spec.load(str(own))).checks.__module__ == "tilthex.experiments.sliding"
+    own.write_text(text.replace('"sliding"', '"slidign"', 1))
+    with pytest.raises(ValueError, match="experiment = 'slidign': found neither"):
+        judge_of(spec.load(str(own)))
+
+
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="shaping, sliding, peg-in-hole, multi-contact, chirp, all"):
+    with pytest.raises(ValueError, match="chirp, multi-contact, peg-in-hole, shaping, sliding, all"):
         spec.load("slidign")
 
 

@@ -18,7 +18,8 @@ pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install '
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
-from tilthex.experiments import judge, spec, wire, wire_record
+from tilthex.experiments import spec, wire, wire_record
+from tilthex.experiments.found import judge_of
 from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.record import Record, rms
 from tilthex.experiments.world_process import MAX_ROTORS, STATE, Stepper
@@ -95,7 +96,7 @@ def test_the_real_programs_slide_along_the_slope(tmp_path: Path) -> None:
     # The reference stays on the surface, behind which the desired path goes on.
     off = record.reference_position[touching] - record.setpoint_position[touching]
     assert np.all(off[:, 2] > 0.03)
-    assert len(judge.of("sliding").checks(run, record)) > 3
+    assert len(judge_of(spec.load("sliding")).checks(run, record)) > 3
 
 
 def test_the_run_is_the_same_with_and_without_the_wire() -> None:

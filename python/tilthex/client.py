@@ -133,31 +133,14 @@ class Flight:
             wrench={"force": _array(force, (3,), "force"), "torque": _array(torque, (3,), "torque")},
         )
 
-    def set_admittance(
-        self,
-        mass: ArrayLike | None = None,
-        damping: ArrayLike | None = None,
-        stiffness: ArrayLike | None = None,
-        *,
-        max_translation: float | None = None,
-        max_rotation: float | None = None,
-    ) -> None:
-        """Changes admittance parameters between two ticks; the reference does not jump.
+    def set_admittance(self, **parameters: ArrayLike) -> None:
+        """Changes keys of `[admittance]` between two ticks; the reference does not jump.
 
         Args:
-            mass: M_E, six numbers of its diagonal or (6, 6); unchanged if None.
-            damping: D_E.
-            stiffness: K_E.
-            max_translation: farthest the reference yields, m.
-            max_rotation: farthest it turns, rad.
+            **parameters: the keys that docs/configuration.md marks with `set_admittance`, in its units; for
+                example `stiffness`, six numbers of a diagonal or (6, 6).
         """
-        matrices = {"mass": mass, "damping": damping, "stiffness": stiffness}
-        given: dict[str, Any] = {
-            name: np.asarray(value, float).tolist() for name, value in matrices.items() if value is not None
-        }
-        limits = {"max_translation": max_translation, "max_rotation": max_rotation}
-        given |= {name: value for name, value in limits.items() if value is not None}
-        self._order("set_admittance", **given)
+        self._order("set_admittance", **{k: np.asarray(v, float).tolist() for k, v in parameters.items()})
 
     def set_wrench(self, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Sets the wrench the tool shall exert on the environment (world, at the tool), N and N m."""

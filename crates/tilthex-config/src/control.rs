@@ -19,24 +19,24 @@ use toml::Table;
 section! {
     /// The pose controller, (14) and (17). Each gain: one number, or one an axis.
     pub PoseControlSection as "pose_control" {
-        /// K_p2, on the position error, world axes, 1/s^2.
-        position_gain: Axes<3> = Axes([100.0; 3]),
-        /// K_p1, on the velocity error, world axes, 1/s.
-        velocity_gain: Axes<3> = Axes([20.0; 3]),
-        /// K_R2, on the rotation error, robot axes, 1/s^2.
-        rotation_gain: Axes<3> = Axes([225.0; 3]),
-        /// K_R1, on the angular velocity error, robot axes, 1/s.
-        angular_velocity_gain: Axes<3> = Axes([30.0; 3]),
+        /// K_p2, on the position error, world axes.
+        position_gain: Axes<3> = Axes([100.0; 3]) => "1/s^2" from 0.0 to 1e5,
+        /// K_p1, on the velocity error, world axes.
+        velocity_gain: Axes<3> = Axes([20.0; 3]) => "1/s" from 0.0 to 1e5,
+        /// K_R2, on the rotation error, robot axes.
+        rotation_gain: Axes<3> = Axes([225.0; 3]) => "1/s^2" from 0.0 to 1e5,
+        /// K_R1, on the angular velocity error, robot axes.
+        angular_velocity_gain: Axes<3> = Axes([30.0; 3]) => "1/s" from 0.0 to 1e5,
     }
 }
 
 section! {
     /// The wrench observer, (19) and (21). Each gain: one number, or one an axis.
     pub WrenchObserverSection as "wrench_observer" {
-        /// L: rate at which the force estimate follows, world axes, 1/s.
-        force_gain: Axes<3> = Axes([30.0; 3]),
-        /// K_I: rate at which the torque estimate follows, robot axes, 1/s.
-        torque_gain: Axes<3> = Axes([30.0; 3]),
+        /// L: rate at which the force estimate follows, world axes.
+        force_gain: Axes<3> = Axes([30.0; 3]) => "1/s" from 1e-6 to 1e5,
+        /// K_I: rate at which the torque estimate follows, robot axes.
+        torque_gain: Axes<3> = Axes([30.0; 3]) => "1/s" from 1e-6 to 1e5,
     }
 }
 
@@ -44,25 +44,25 @@ section! {
     /// The admittance filter at the tool, (27), world axes, translation before
     /// rotation. Each matrix: its six diagonal numbers, or 6x6.
     pub AdmittanceSection as "admittance" {
-        /// M_E, kg and kg m^2.
-        mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]),
-        /// D_E, N s/m and N m s/rad.
-        damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]),
-        /// K_E, N/m and N m/rad.
-        stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]),
-        /// Tool forces up to this do not move the reference, N.
-        force_dead_zone: f64 = 0.2,
-        /// Tool torques up to this do not turn the reference, N m.
-        torque_dead_zone: f64 = 0.2,
-        /// Cut-off of the low-pass before the dead zones, Hz; 0 for none.
-        low_pass_hz: f64 = 20.0,
+        /// M_E.
+        mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]) => "kg and kg m^2" by "set_admittance",
+        /// D_E.
+        damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]) => "N s/m and N m s/rad" by "set_admittance",
+        /// K_E.
+        stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]) => "N/m and N m/rad" by "set_admittance",
+        /// Tool forces up to this do not move the reference.
+        force_dead_zone: f64 = 0.2 => "N" from 0.0 to 100.0,
+        /// Tool torques up to this do not turn the reference.
+        torque_dead_zone: f64 = 0.2 => "N m" from 0.0 to 100.0,
+        /// Cut-off of the low-pass before the dead zones; 0 for none.
+        low_pass_hz: f64 = 20.0 => "Hz" from 0.0 to 1e6,
         /// For a tool whose turn about its own axis (z) does not matter: largest torque that turns the reference
-        /// about it to where hovering leaves the rotors more room, N m; 0 for none.
-        room_torque: f64 = 0.0,
-        /// Farthest the reference yields from the set-point, m.
-        max_translation: f64 = 1.0,
-        /// Farthest the reference turns from the set-point, degrees.
-        max_rotation_deg: f64 = 60.0,
+        /// about it to where hovering leaves the rotors more room; 0 for none.
+        room_torque: f64 = 0.0 => "N m" from 0.0 to 1000.0,
+        /// Farthest the reference yields from the set-point.
+        max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
+        /// Farthest the reference turns from the set-point.
+        max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
     }
 }
 
@@ -71,8 +71,8 @@ section! {
     pub AllocationSection as "allocation" {
         /// What is kept longest where the limits do not let all be had, most important first.
         order: Vec<String> = Priority::ORDER.map(|p| p.name().into()).to_vec(),
-        /// Speeds are limited to what the rotors' lag lets them reach within this time, s; 0 for no such limit.
-        horizon: f64 = 0.0,
+        /// Speeds are limited to what the rotors' lag lets them reach within this time; 0 for no such limit.
+        horizon: f64 = 0.0 => "s" from 0.0 to 10.0,
     }
 }
 
@@ -83,13 +83,13 @@ section! {
         /// turned likewise; "zero-tilt": level always; "fixed-tilt": the reference's always.
         mode: String = AttitudeMode::default().name().into(),
         /// Part of each rotor's input range, at either end, that hovering leaves for torques.
-        reserve: f64 = AttitudeParams::default().reserve,
-        /// Largest turn for the sake of horizontal force, degrees, from the attitude nearest to the wanted one
+        reserve: f64 = AttitudeParams::default().reserve => "1" from 0.0 to 0.45,
+        /// Largest turn for the sake of horizontal force, from the attitude nearest to the wanted one
         /// in which the vehicle hovers; force that needs more is given up.
-        max_turn_deg: f64 = 35.0,
-        /// Of the turn's filter, rad/s: a small turn takes about two by this. Large ones take longer, as the
+        max_turn_deg: f64 = 35.0 => "degrees" from 0.0 to 85.9,
+        /// Of the turn's filter: a small turn takes about two by this. Large ones take longer, as the
         /// rotors need.
-        bandwidth: f64 = AttitudeParams::default().bandwidth,
+        bandwidth: f64 = AttitudeParams::default().bandwidth => "rad/s" from 0.1 to 500.0,
     }
 }
 
@@ -111,7 +111,8 @@ impl WrenchObserverSection {
 }
 
 impl AdmittanceSection {
-    fn params(&self) -> AdmittanceParams {
+    /// The filter's parameters.
+    pub(super) fn params(&self) -> AdmittanceParams {
         AdmittanceParams {
             mass: self.mass.0,
             damping: self.damping.0,

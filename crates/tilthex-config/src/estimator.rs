@@ -15,59 +15,59 @@ section! {
     /// The state estimator, an unscented Kalman filter on SO(3) x R^12. Where the IMU
     /// sits is the vehicle's: imu_position and imu_rotation_deg.
     pub EstimatorSection as "estimator" {
-        /// Standard deviation of a captured position, m an axis.
-        position_noise: f64 = 0.3e-3,
-        /// Standard deviation of a captured orientation, degrees an axis.
-        rotation_noise_deg: f64 = 0.12,
-        /// White noise of the gyro, rad/s/sqrt(Hz).
-        gyro_noise: f64 = 5e-4,
-        /// White noise of the accelerometer, m/s^2/sqrt(Hz).
-        accelerometer_noise: f64 = 0.01,
-        /// Random walk of the gyro's bias, rad/s/sqrt(s).
-        gyro_bias_walk: f64 = 1e-4,
-        /// Random walk of the accelerometer's bias, m/s^2/sqrt(s).
-        accelerometer_bias_walk: f64 = 1e-3,
-        /// Origin of the captured body, robot frame, m; `tilthex calibrate` finds it.
-        body_position: Axes<3> = Axes([0.0; 3]),
-        /// Captured body to robot frame: roll, pitch, yaw, degrees (yaw first).
-        body_rotation_deg: Axes<3> = Axes([0.0; 3]),
+        /// Standard deviation of a captured position, each axis.
+        position_noise: f64 = 0.3e-3 => "m" from 1e-4 to 1.0,
+        /// Standard deviation of a captured orientation, each axis.
+        rotation_noise_deg: f64 = 0.12 => "degrees" from 0.006 to 57.0,
+        /// White noise of the gyro.
+        gyro_noise: f64 = 5e-4 => "rad/s/sqrt(Hz)" from 1e-6 to 1.0,
+        /// White noise of the accelerometer.
+        accelerometer_noise: f64 = 0.01 => "m/s^2/sqrt(Hz)" from 1e-5 to 10.0,
+        /// Random walk of the gyro's bias.
+        gyro_bias_walk: f64 = 1e-4 => "rad/s/sqrt(s)" from 1e-8 to 1.0,
+        /// Random walk of the accelerometer's bias.
+        accelerometer_bias_walk: f64 = 1e-3 => "m/s^2/sqrt(s)" from 1e-7 to 10.0,
+        /// Origin of the captured body, robot frame; `tilthex calibrate` finds it.
+        body_position: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
+        /// Captured body to robot frame: roll, pitch, yaw (yaw first).
+        body_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
         /// Probability with which a good pose passes the gate.
-        gate_probability: f64 = 0.9999,
-        /// Time over which late poses are applied, s.
-        history: f64 = 0.3,
-        /// Constant latency taken off every pose's time, s; for capture systems that stamp on arrival.
+        gate_probability: f64 = 0.9999 => "1" from 0.5 to 0.999999999999,
+        /// Time over which late poses are applied.
+        history: f64 = 0.3 => "s" from 0.02 to 1.0,
+        /// Constant latency taken off every pose's time; for capture systems that stamp on arrival.
         /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
-        latency: f64 = 0.0,
-        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state, s.
-        reacquire_after: f64 = 0.3,
-        /// Age of the newest accepted pose from which on the state counts as coasting, s.
-        coast_after: f64 = 0.1,
-        /// Deviation of the position from which on the state counts as lost, m.
-        lost_position: f64 = 0.3,
-        /// Deviation of the rotation from which on the state counts as lost, degrees.
-        lost_rotation_deg: f64 = 12.0,
-        /// Cut-off of the angular acceleration that corrects the IMU's lever arm, Hz.
-        angular_acceleration_hz: f64 = 20.0,
-        /// Deviation of the first position, m an axis.
-        initial_position: f64 = 0.01,
-        /// Deviation of the first velocity, m/s an axis.
-        initial_velocity: f64 = 0.1,
-        /// Deviation of the first rotation, degrees an axis.
-        initial_rotation_deg: f64 = 1.0,
-        /// Deviation of the gyro's bias without a start at rest, rad/s an axis.
-        initial_gyro_bias: f64 = 0.02,
-        /// Deviation of the accelerometer's bias without a start at rest, m/s^2 an axis.
-        initial_accelerometer_bias: f64 = 0.2,
-        /// Time over which rest is judged, s.
-        rest_duration: f64 = 1.0,
-        /// Largest standard deviation of a gyro axis at rest, rad/s.
-        rest_gyro_deviation: f64 = 0.05,
-        /// Largest standard deviation of an accelerometer axis at rest, m/s^2.
-        rest_accelerometer_deviation: f64 = 0.5,
-        /// Largest bias of the gyro at rest, rad/s.
-        rest_gyro_bias: f64 = 0.1,
+        latency: f64 = 0.0 => "s" from -0.05 to 0.5,
+        /// Time without an accepted pose after which the fifth refused one in a row is believed against the state.
+        reacquire_after: f64 = 0.3 => "s" from 0.0 to 60.0,
+        /// Age of the newest accepted pose from which on the state counts as coasting.
+        coast_after: f64 = 0.1 => "s" from 0.0 to 60.0,
+        /// Deviation of the position from which on the state counts as lost.
+        lost_position: f64 = 0.3 => "m" from 1e-3 to 1e3,
+        /// Deviation of the rotation from which on the state counts as lost.
+        lost_rotation_deg: f64 = 12.0 => "degrees" from 0.06 to 57.0,
+        /// Cut-off of the angular acceleration that corrects the IMU's lever arm.
+        angular_acceleration_hz: f64 = 20.0 => "Hz" from 0.1 to 1000.0,
+        /// Standard deviation of the first position, each axis.
+        initial_position: f64 = 0.01 => "m" from 1e-5 to 1e3,
+        /// Standard deviation of the first velocity, each axis.
+        initial_velocity: f64 = 0.1 => "m/s" from 1e-5 to 100.0,
+        /// Standard deviation of the first rotation, each axis.
+        initial_rotation_deg: f64 = 1.0 => "degrees" from 6e-4 to 22.9,
+        /// Standard deviation of the gyro's bias without a start at rest, each axis.
+        initial_gyro_bias: f64 = 0.02 => "rad/s" from 1e-7 to 0.5,
+        /// Standard deviation of the accelerometer's bias without a start at rest, each axis.
+        initial_accelerometer_bias: f64 = 0.2 => "m/s^2" from 1e-6 to 5.0,
+        /// Time over which rest is judged.
+        rest_duration: f64 = 1.0 => "s" from 0.05 to 60.0,
+        /// Largest standard deviation of a gyro axis at rest.
+        rest_gyro_deviation: f64 = 0.05 => "rad/s" from 1e-6 to 10.0,
+        /// Largest standard deviation of an accelerometer axis at rest.
+        rest_accelerometer_deviation: f64 = 0.5 => "m/s^2" from 1e-6 to 100.0,
+        /// Largest bias of the gyro at rest.
+        rest_gyro_bias: f64 = 0.1 => "rad/s" from 1e-6 to 10.0,
         /// Largest distance of the specific force at rest from 9.81 m/s^2.
-        rest_accelerometer_bias: f64 = 0.6,
+        rest_accelerometer_bias: f64 = 0.6 => "m/s^2" from 1e-6 to 10.0,
     }
 }
 

@@ -1,8 +1,7 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, Section, SupervisorSection};
+use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, SupervisorSection};
 use tilthex_core::{
-    error::check_range,
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, WatchParams},
     trajectory::Limits,
@@ -28,8 +27,8 @@ impl Config {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            guidance: self.mission.params()?,
-            watch: self.supervisor.params()?,
+            guidance: self.mission.params(),
+            watch: self.supervisor.params(),
             take_off,
         };
         Flight::new(params, None)?;
@@ -70,12 +69,7 @@ impl LinkSection {
     /// # Errors
     /// The key that cannot be.
     pub fn params(&self) -> Result<LinkParams, ConfigError> {
-        let period = |key: &'static str, rate: f64| {
-            check::<Self>(key, rate, 0.5, 2000.0)?;
-            Ok::<_, ConfigError>((1e6 / rate).round() as u32)
-        };
-        check::<Self>("accelerometer_scale", self.accelerometer_scale, 0.0, 1.0)?;
-        check::<Self>("gyro_scale", self.gyro_scale, 0.0, 1.0)?;
+        let period = |rate: f64| (1e6 / rate).round() as u32;
         let scales = (self.accelerometer_scale > 0.0 && self.gyro_scale > 0.0)
             .then_some(ImuScales { accelerometer: self.accelerometer_scale, gyro: self.gyro_scale });
         if scales.is_none() && self.accelerometer_scale + self.gyro_scale > 0.0 {
@@ -84,9 +78,9 @@ impl LinkSection {
             ));
         }
         Ok(LinkParams {
-            imu_period_us: period("imu_rate", self.imu_rate)?,
-            motor_period_us: period("motor_rate", self.motor_rate)?,
-            battery_period_us: period("battery_rate", self.battery_rate)?,
+            imu_period_us: period(self.imu_rate),
+            motor_period_us: period(self.motor_rate),
+            battery_period_us: period(self.battery_rate),
             scales,
         })
     }
@@ -96,10 +90,8 @@ impl MocapSection {
     /// How a client reads the system's poses.
     ///
     /// # Errors
-    /// Where the axis is neither "y" nor "z", or the latency not within 0 to 1 s.
+    /// Where the axis is neither "y" nor "z".
     pub fn client(&self) -> Result<ClientParams, ConfigError> {
-        check_range("[mocap]: latency (s)", self.latency, 0.0, 1.0)
-            .map_err(|e| ConfigError::new(e.to_string()))?;
         Ok(ClientParams { up_axis: self.up_axis()?, latency: self.latency })
     }
 
@@ -130,39 +122,20 @@ impl MissionSection {
         }
     }
 
-    fn params(&self) -> Result<GuidanceParams, ConfigError> {
-        check::<Self>("take_off_height", self.take_off_height, 0.05, 100.0)?;
-        check::<Self>("bias_time", self.bias_time, 0.0, 60.0)?;
-        check::<Self>("max_velocity", self.max_velocity, 1e-3, 10.0)?;
-        check::<Self>("max_acceleration", self.max_acceleration, 1e-3, 20.0)?;
-        check::<Self>("max_angular_velocity_deg", self.max_angular_velocity_deg, 0.1, 1e3)?;
-        check::<Self>("max_angular_acceleration_deg", self.max_angular_acceleration_deg, 0.1, 1e4)?;
-        check::<Self>("landing_speed", self.landing_speed, 0.05, 1.0)?;
-        check::<Self>("max_setpoint_jump", self.max_setpoint_jump, 0.0, 1.0)?;
-        Ok(GuidanceParams {
+    fn params(&self) -> GuidanceParams {
+        GuidanceParams {
             take_off_height: self.take_off_height,
             bias_time: self.bias_time,
             limits: self.limits(),
             landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
-        })
+        }
     }
 }
 
 impl SupervisorSection {
-    fn params(&self) -> Result<WatchParams, ConfigError> {
-        check::<Self>("battery_low", self.battery_low, 0.0, 100.0)?;
-        check::<Self>("battery_critical", self.battery_critical, 0.0, 100.0)?;
-        check::<Self>("max_position_error", self.max_position_error, 0.01, 10.0)?;
-        check::<Self>("max_rotation_error_deg", self.max_rotation_error_deg, 1.0, 90.0)?;
-        check::<Self>("max_tilt_deg", self.max_tilt_deg, 1.0, 180.0)?;
-        check::<Self>("max_speed", self.max_speed, 0.1, 100.0)?;
-        check::<Self>("max_force", self.max_force, 0.1, 1e3)?;
-        check::<Self>("max_torque", self.max_torque, 0.01, 1e3)?;
-        check::<Self>("start_timeout", self.start_timeout, 1.0, 300.0)?;
-        check::<Self>("geofence", self.geofence, 0.1, 1e4)?;
-        check::<Self>("geofence_height", self.geofence_height, 0.1, 1e4)?;
-        Ok(WatchParams {
+    fn params(&self) -> WatchParams {
+        WatchParams {
             battery_low: self.battery_low,
             battery_critical: self.battery_critical,
             max_position_error: self.max_position_error,
@@ -174,12 +147,6 @@ impl SupervisorSection {
             start_timeout: self.start_timeout,
             geofence: self.geofence,
             geofence_height: self.geofence_height,
-        })
+        }
     }
-}
-
-/// Refuses a number outside its range, with the section.
-fn check<S: Section>(key: &'static str, found: f64, min: f64, max: f64) -> Result<(), ConfigError> {
-    tilthex_core::error::check_range(key, found, min, max)
-        .map_err(|e| ConfigError::from(e).within(format_args!("[{}]", S::NAME)))
 }

@@ -21,7 +21,7 @@ pub use control::{
     AdmittanceSection, AllocationSection, AttitudeSection, PoseControlSection, WrenchObserverSection,
 };
 pub use estimator::EstimatorSection;
-pub use section::{ConfigError, Key, Section};
+pub use section::{ConfigError, Described, Key, Section};
 pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
@@ -30,54 +30,49 @@ pub use truth::{TrueVehicle, TruthSection};
 pub use values::{Axes, Square};
 pub use vehicle::{PRESETS, VehicleSection};
 
-/// A checked set-up.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Config {
-    /// The vehicle.
-    pub vehicle: VehicleSection,
-    /// The pose controller.
-    pub pose_control: PoseControlSection,
-    /// The wrench observer.
-    pub wrench_observer: WrenchObserverSection,
-    /// The admittance filter.
-    pub admittance: AdmittanceSection,
-    /// The allocation.
-    pub allocation: AllocationSection,
-    /// The attitude.
-    pub attitude: AttitudeSection,
-    /// The state estimator.
-    pub estimator: EstimatorSection,
-    /// The link to the vehicle.
-    pub link: LinkSection,
-    /// Motion capture.
-    pub mocap: MocapSection,
-    /// Take-off, hover and landing.
-    pub mission: MissionSection,
-    /// What ends a flight.
-    pub supervisor: SupervisorSection,
-    /// The log.
-    pub log: LogSection,
-    controller: ControllerParams,
-}
-
-/// Applies a macro to every section but the vehicle's.
+/// Applies a macro to every section but the vehicle's: field, type.
 macro_rules! each_section {
     ($apply:ident) => {
-        $apply!(
-            pose_control,
-            wrench_observer,
-            admittance,
-            allocation,
-            attitude,
-            estimator,
-            link,
-            mocap,
-            mission,
-            supervisor,
-            log
-        )
+        $apply! {
+            pose_control: PoseControlSection,
+            wrench_observer: WrenchObserverSection,
+            admittance: AdmittanceSection,
+            allocation: AllocationSection,
+            attitude: AttitudeSection,
+            estimator: EstimatorSection,
+            link: LinkSection,
+            mocap: MocapSection,
+            mission: MissionSection,
+            supervisor: SupervisorSection,
+            log: LogSection,
+        }
     };
 }
+
+/// Declares [`Config`]: a field and a getter for each section. Changes go through [`Config::overlaid`], so that what is
+/// derived from the sections always belongs to them.
+macro_rules! config {
+    ($($name:ident: $section:ty,)*) => {
+        /// A checked set-up.
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct Config {
+            vehicle: VehicleSection,
+            $( $name: $section, )*
+            controller: ControllerParams,
+        }
+
+        impl Config {
+            $(
+                #[doc = concat!("The section `[", stringify!($name), "]`.")]
+                #[must_use]
+                pub fn $name(&self) -> &$section {
+                    &self.$name
+                }
+            )*
+        }
+    };
+}
+each_section!(config);
 
 impl Config {
     /// The default set-up of a vehicle.
@@ -137,7 +132,7 @@ impl Config {
 
     fn complete(vehicle: VehicleSection, table: Table) -> Result<Self, ConfigError> {
         macro_rules! names {
-            ($($name:ident),*) => { ["vehicle", $(stringify!($name)),*] };
+            ($($name:ident: $section:ty,)*) => { ["vehicle", $(stringify!($name)),*] };
         }
         for name in table.keys() {
             section::check_known("section", name, each_section!(names))?;
@@ -186,10 +181,16 @@ impl Config {
         let mut out = String::new();
         self.vehicle.print(&mut out);
         macro_rules! print {
-            ($($name:ident),*) => { $( section::print(&self.$name, &mut out); )* };
+            ($($name:ident: $section:ty,)*) => { $( section::print(&self.$name, &mut out); )* };
         }
         each_section!(print);
         out
+    }
+
+    /// The vehicle.
+    #[must_use]
+    pub fn vehicle(&self) -> &VehicleSection {
+        &self.vehicle
     }
 
     /// The controller's parameters.
@@ -205,6 +206,15 @@ impl Config {
         warnings.extend(time_scales::warnings(&self.controller));
         warnings
     }
+}
+
+/// Every section of a configuration and of a `[truth]` table, for the documentation.
+#[must_use]
+pub fn described() -> Vec<Described> {
+    macro_rules! all {
+        ($($name:ident: $section:ty,)*) => { vec![$( Described::of::<$section>() ),*] };
+    }
+    [vehicle::described(), each_section!(all), truth::described()].concat()
 }
 
 fn read_file(path: &Path) -> Result<String, ConfigError> {

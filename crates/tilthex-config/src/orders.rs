@@ -5,14 +5,14 @@ use std::path::Path;
 
 use serde::{Deserialize, de::DeserializeOwned};
 use tilthex_core::{
-    Error, Matrix3, Matrix6, Setpoint, Vector3, Vector6, Wrench,
-    admittance::{AdmittanceFilter, AdmittanceParams},
+    Error, Matrix3, Setpoint, Vector3, Wrench,
+    admittance::AdmittanceFilter,
     flight::{Command, Route},
     so3,
     trajectory::{Limits, Waypoint},
 };
 
-use crate::{ConfigError, files};
+use crate::{AdmittanceSection, Config, ConfigError, files, section};
 
 /// Force (N) and torque (N m), world.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -126,23 +126,6 @@ impl RouteText {
     }
 }
 
-/// Six numbers of a diagonal, or a 6x6 matrix row by row.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
-enum SquareText {
-    Diagonal([f64; 6]),
-    Full(Box<[[f64; 6]; 6]>),
-}
-
-impl SquareText {
-    fn matrix(&self) -> Matrix6 {
-        match self {
-            Self::Diagonal(d) => Matrix6::from_diagonal(&Vector6::from(*d)),
-            Self::Full(rows) => Matrix6::from_fn(|i, j| rows[i][j]),
-        }
-    }
-}
-
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct FollowText {
@@ -160,33 +143,23 @@ struct FollowText {
     wrench: WrenchText,
 }
 
-#[derive(Clone, Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct AdmittanceText {
-    mass: Option<SquareText>,
-    damping: Option<SquareText>,
-    stiffness: Option<SquareText>,
-    max_translation: Option<f64>,
-    max_rotation: Option<f64>,
-}
-
 /// Each needs no more than its name.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Nothing {}
 
-/// Reads orders. It remembers the admittance parameters, of which an order may change a part.
+/// Reads orders. It remembers the section `[admittance]`, of which an order may change a part.
 #[derive(Clone, Debug)]
 pub struct Orders {
     limits: Limits,
-    admittance: AdmittanceParams,
+    admittance: AdmittanceSection,
 }
 
 impl Orders {
     /// With the configured limits and admittance.
     #[must_use]
-    pub fn new(limits: Limits, admittance: AdmittanceParams) -> Self {
-        Self { limits, admittance }
+    pub fn new(config: &Config) -> Self {
+        Self { limits: config.mission().limits(), admittance: config.admittance().clone() }
     }
 
     /// The order a line of JSON stands for: an object with `command` and what the command takes.
@@ -201,14 +174,10 @@ impl Orders {
             _ => return Err("no command; expected a string such as \"land\"".into()),
         };
         let rest = serde_json::Value::Object(object);
-        let command = self.command(&name, rest).map_err(|e| format!("{name}: {e}"))?;
-        if let Command::SetAdmittance(filter) = &command {
-            self.admittance = *filter.params();
-        }
-        Ok(command)
+        self.command(&name, rest).map_err(|e| format!("{name}: {e}"))
     }
 
-    fn command(&self, name: &str, rest: serde_json::Value) -> Result<Command, String> {
+    fn command(&mut self, name: &str, rest: serde_json::Value) -> Result<Command, String> {
         let nothing = |command| take::<Nothing>(rest.clone()).map(|_| command);
         match name {
             "take_off" => nothing(Command::TakeOff),
@@ -222,25 +191,20 @@ impl Orders {
                 let wrench = take::<WrenchText>(rest)?.wrench();
                 if wrench.is_finite() { Ok(Command::SetWrench(wrench)) } else { Err(not_finite()) }
             }
-            "set_admittance" => self.set_admittance(&take(rest)?),
+            "set_admittance" => self.set_admittance(take(rest)?),
             _ => Err("no such command; expected take_off, play, follow, set_admittance, set_wrench, \
                       release_wrench, zero_bias, land or kill"
                 .into()),
         }
     }
 
-    fn set_admittance(&self, text: &AdmittanceText) -> Result<Command, String> {
-        let now = &self.admittance;
-        let matrix =
-            |text: &Option<SquareText>, now: &Matrix6| text.as_ref().map_or(*now, SquareText::matrix);
-        let params = AdmittanceParams {
-            mass: matrix(&text.mass, &now.mass),
-            damping: matrix(&text.damping, &now.damping),
-            stiffness: matrix(&text.stiffness, &now.stiffness),
-            max_translation: text.max_translation.unwrap_or(now.max_translation),
-            max_rotation: text.max_rotation.unwrap_or(now.max_rotation),
-        };
-        AdmittanceFilter::new(params).map(Command::SetAdmittance).map_err(|e: Error| e.to_string())
+    /// Keys of `[admittance]` that may change in flight, as its file names them.
+    fn set_admittance(&mut self, changes: toml::Table) -> Result<Command, String> {
+        let section =
+            section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
+        let filter = AdmittanceFilter::new(section.params()).map_err(|e: Error| e.to_string())?;
+        self.admittance = section;
+        Ok(Command::SetAdmittance(filter))
     }
 }
 
@@ -295,23 +259,14 @@ fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::VehicleSection;
     use proptest::prelude::*;
 
     const LIMITS: Limits =
         Limits { velocity: 0.5, acceleration: 1.0, angular_velocity: 0.5, angular_acceleration: 1.0 };
 
     fn orders() -> Orders {
-        let diagonal = |x: f64| Matrix6::from_diagonal(&Vector6::repeat(x));
-        Orders::new(
-            LIMITS,
-            AdmittanceParams {
-                mass: diagonal(1.0),
-                damping: diagonal(4.0),
-                stiffness: diagonal(6.0),
-                max_translation: 1.0,
-                max_rotation: 1.0,
-            },
-        )
+        Orders::new(&Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset")))
     }
 
     #[test]

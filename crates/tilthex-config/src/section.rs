@@ -3,6 +3,7 @@
 
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt;
+use tilthex_core::error::check_range;
 use toml::{Table, Value};
 
 /// What is wrong with a configuration, in one sentence.
@@ -39,8 +40,43 @@ impl From<tilthex_core::Error> for ConfigError {
 pub struct Key {
     /// Its name.
     pub name: &'static str,
-    /// Lines of documentation: meaning and unit.
+    /// Lines of documentation: what it means.
     pub doc: &'static [&'static str],
+    /// Unit of its numbers; "1" for a number without a unit, empty for what is no number.
+    pub unit: &'static str,
+    /// Smallest and largest number that is accepted, in that unit.
+    pub range: Option<(f64, f64)>,
+    /// The order that changes it in flight.
+    pub order: Option<&'static str>,
+}
+
+impl Key {
+    /// Unit and range in words; empty where neither is declared.
+    #[must_use]
+    pub fn numbers(&self) -> String {
+        let unit = match self.unit {
+            "" => String::new(),
+            "1" => "a number".into(),
+            unit => format!("unit {unit}"),
+        };
+        match self.range {
+            None => unit,
+            Some((min, max)) if unit.is_empty() => format!("from {min} to {max}"),
+            Some((min, max)) => format!("{unit}, from {min} to {max}"),
+        }
+    }
+
+    /// Refuses a number outside the key's range, alone or in a list.
+    fn check(&self, value: &Value) -> Result<(), ConfigError> {
+        let number = match value {
+            Value::Array(all) => return all.iter().try_for_each(|each| self.check(each)),
+            Value::Float(x) => *x,
+            Value::Integer(n) => *n as f64,
+            _ => return Ok(()),
+        };
+        let Some((min, max)) = self.range else { return Ok(()) };
+        Ok(check_range(self.name, number, min, max)?)
+    }
 }
 
 /// A section: a struct whose fields are the keys.
@@ -53,19 +89,50 @@ pub trait Section: Serialize + DeserializeOwned {
     const KEYS: &'static [Key];
 }
 
-/// Declares a section: struct, defaults, keys and their documentation at once.
+/// A section as the documentation shows it.
+#[derive(Clone, Debug)]
+pub struct Described {
+    /// Its name in the file.
+    pub name: &'static str,
+    /// What it is about.
+    pub doc: &'static [&'static str],
+    /// Its keys.
+    pub keys: &'static [Key],
+    /// The values of keys that are not given.
+    pub defaults: Table,
+}
+
+impl Described {
+    pub(crate) fn of<S: Section + Default>() -> Self {
+        let defaults = Table::try_from(S::default()).expect("numbers, texts and lists of them are TOML");
+        Self { name: S::NAME, doc: S::DOC, keys: S::KEYS, defaults }
+    }
+}
+
+/// Declares a section: struct, defaults, keys and their documentation at once. A key is
+///
+/// ```text
+/// /// What it means.
+/// name: type = default => "unit" from smallest to largest by "order",
+/// ```
+///
+/// where all after the default may be left out; `order` is the order that changes it in flight.
 macro_rules! section {
     (
         $(#[doc = $doc:literal])*
         $vis:vis $name:ident as $toml:literal {
-            $( $(#[doc = $key_doc:literal])* $key:ident: $kind:ty = $default:expr, )*
+            $(
+                $(#[doc = $key_doc:literal])*
+                $key:ident: $kind:ty = $default:expr
+                    $(=> $unit:literal $(from $min:literal to $max:literal)? $(by $order:literal)?)?,
+            )*
         }
     ) => {
         $(#[doc = $doc])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
         #[serde(default, deny_unknown_fields)]
         $vis struct $name {
-            $( $(#[doc = $key_doc])* pub $key: $kind, )*
+            $( $(#[doc = $key_doc])* $(#[doc = concat!("\n\nUnit: ", $unit, ".")])? pub $key: $kind, )*
         }
 
         impl Default for $name {
@@ -78,12 +145,29 @@ macro_rules! section {
             const NAME: &'static str = $toml;
             const DOC: &'static [&'static str] = &[$($doc),*];
             const KEYS: &'static [$crate::section::Key] = &[
-                $( $crate::section::Key { name: stringify!($key), doc: &[$($key_doc),*] }, )*
+                $( $crate::section::Key {
+                    name: stringify!($key),
+                    doc: &[$($key_doc),*],
+                    unit: concat!($($unit)?),
+                    range: $crate::section::optional!($($( ($min, $max) )?)?),
+                    order: $crate::section::optional!($($( $order )?)?),
+                }, )*
             ];
         }
     };
 }
 pub(crate) use section;
+
+/// `Some` of what is declared, `None` of nothing.
+macro_rules! optional {
+    () => {
+        None
+    };
+    ($value:expr) => {
+        Some($value)
+    };
+}
+pub(crate) use optional;
 
 /// Refuses a name that is not among `known`, and says which is nearest.
 pub(crate) fn check_known<'a>(
@@ -115,10 +199,24 @@ pub(crate) fn read_at<S: Section>(place: &str, table: &Table) -> Result<S, Confi
     for key in table.keys() {
         check_known("key", key, S::KEYS.iter().map(|k| k.name)).map_err(|e| e.within(place))?;
     }
+    for key in S::KEYS {
+        table.get(key.name).map_or(Ok(()), |value| key.check(value)).map_err(|e| e.within(place))?;
+    }
     table
         .clone()
         .try_into()
         .map_err(|error: toml::de::Error| ConfigError::new(one_line(&error.to_string())).within(place))
+}
+
+/// The section with some of the keys changed that an order may change in flight.
+pub(crate) fn changed<S: Section>(section: &S, order: &str, changes: Table) -> Result<S, ConfigError> {
+    let changeable = S::KEYS.iter().filter(|k| k.order == Some(order)).map(|k| k.name);
+    for key in changes.keys() {
+        check_known("key", key, changeable.clone())?;
+    }
+    let mut table = Table::try_from(section).expect("numbers, texts and lists of them are TOML");
+    table.extend(changes);
+    read(&table)
 }
 
 /// An error text of the TOML library in one line.
@@ -153,6 +251,11 @@ pub(crate) fn print_under<S: Section>(header: &str, section: &S, out: &mut Strin
     for key in S::KEYS {
         for line in key.doc {
             *out += &format!("#{line}\n");
+        }
+        let (numbers, order) = (key.numbers(), key.order.map(|o| format!("changed in flight by {o}")));
+        let facts: Vec<_> = Some(numbers).filter(|n| !n.is_empty()).into_iter().chain(order).collect();
+        if !facts.is_empty() {
+            *out += &format!("# [{}]\n", facts.join("; "));
         }
         match values.get(key.name) {
             Some(value) => *out += &format!("{} = {value}\n", key.name),

@@ -2,7 +2,7 @@
 
 use super::{
     plausible,
-    section::{self, ConfigError, Section, section},
+    section::{self, ConfigError, Described, Section, section},
     values::{Axes, Square},
 };
 use std::path::{Path, PathBuf};
@@ -31,63 +31,68 @@ section! {
     pub(super) Body as "vehicle" {
         /// What it is called.
         name: String = "unnamed".into(),
-        /// Mass of vehicle and tool, kg.
-        mass: f64 = f64::NAN,
-        /// Inertia about the centre of mass, robot frame, kg m^2: 3 principal moments or 3x3.
-        inertia: Square<3> = Square::diagonal([f64::NAN; 3]),
-        /// Time constant of the rotor speed's first-order lag, s.
-        rotor_time_constant: f64 = 0.0,
-        /// Tool tip from the centre of mass, robot frame, m.
-        tool_position: Axes<3> = Axes([0.0; 3]),
-        /// Tool frame in the robot frame: roll, pitch, yaw (Rz(yaw) Ry(pitch) Rx(roll)), degrees.
-        tool_rotation_deg: Axes<3> = Axes([0.0; 3]),
-        /// IMU from the centre of mass, robot frame, m.
-        imu_position: Axes<3> = Axes([0.0; 3]),
-        /// IMU frame in the robot frame: roll, pitch, yaw, degrees.
-        imu_rotation_deg: Axes<3> = Axes([0.0; 3]),
+        /// Mass of vehicle and tool.
+        mass: f64 = f64::NAN => "kg",
+        /// Inertia about the centre of mass, robot frame: 3 principal moments or 3x3.
+        inertia: Square<3> = Square::diagonal([f64::NAN; 3]) => "kg m^2",
+        /// Time constant of the rotor speed's first-order lag.
+        rotor_time_constant: f64 = 0.0 => "s" from 0.0 to 1.0,
+        /// Tool tip from the centre of mass, robot frame.
+        tool_position: Axes<3> = Axes([0.0; 3]) => "m",
+        /// Tool frame in the robot frame: roll, pitch, yaw (Rz(yaw) Ry(pitch) Rx(roll)).
+        tool_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
+        /// IMU from the centre of mass, robot frame.
+        imu_position: Axes<3> = Axes([0.0; 3]) => "m",
+        /// IMU frame in the robot frame: roll, pitch, yaw.
+        imu_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
     }
 }
 
 section! {
     /// Six rotors on arms 60 degrees apart, each tilted about its arm; (4)-(5).
     pub(super) HexarotorSection as "vehicle.tilted_hexarotor" {
-        /// Tilt about the arm, degrees; its sign alternates from rotor to rotor.
-        alpha_deg: f64 = 0.0,
-        /// Tilt towards the centre, degrees.
-        beta_deg: f64 = 0.0,
-        /// From the centre to each tilting centre, m.
-        arm: f64 = f64::NAN,
-        /// From the tilting centre to the rotor, in the rotor's own tilted frame, m.
-        rotor_offset: Axes<3> = Axes([0.0; 3]),
-        /// Thrust coefficient c_f, N/Hz^2.
-        thrust_coefficient: f64 = f64::NAN,
-        /// Drag-moment coefficient c_tau, N m/Hz^2.
-        drag_coefficient: f64 = f64::NAN,
-        /// Lowest speed, Hz.
-        min_speed: f64 = f64::NAN,
-        /// Highest speed, Hz.
-        max_speed: f64 = f64::NAN,
+        /// Tilt about the arm; its sign alternates from rotor to rotor.
+        alpha_deg: f64 = 0.0 => "degrees",
+        /// Tilt towards the centre.
+        beta_deg: f64 = 0.0 => "degrees",
+        /// From the centre to each tilting centre.
+        arm: f64 = f64::NAN => "m",
+        /// From the tilting centre to the rotor, in the rotor's own tilted frame.
+        rotor_offset: Axes<3> = Axes([0.0; 3]) => "m",
+        /// Thrust coefficient c_f.
+        thrust_coefficient: f64 = f64::NAN => "N/Hz^2",
+        /// Drag-moment coefficient c_tau.
+        drag_coefficient: f64 = f64::NAN => "N m/Hz^2",
+        /// Lowest speed.
+        min_speed: f64 = f64::NAN => "Hz",
+        /// Highest speed.
+        max_speed: f64 = f64::NAN => "Hz",
     }
 }
 
 section! {
     /// One rotor.
     pub(super) RotorSection as "vehicle.rotors" {
-        /// Centre of rotation from the centre of mass, robot frame, m.
-        position: Axes<3> = Axes([f64::NAN; 3]),
+        /// Centre of rotation from the centre of mass, robot frame.
+        position: Axes<3> = Axes([f64::NAN; 3]) => "m",
         /// Direction of the thrust, unit vector, robot frame.
         axis: Axes<3> = Axes([f64::NAN; 3]),
         /// +1 or -1: the sign of the drag moment about the axis.
         spin: f64 = f64::NAN,
-        /// Thrust coefficient c_f, N/Hz^2.
-        thrust_coefficient: f64 = f64::NAN,
-        /// Drag-moment coefficient c_tau, N m/Hz^2.
-        drag_coefficient: f64 = f64::NAN,
-        /// Lowest speed, Hz.
-        min_speed: f64 = f64::NAN,
-        /// Highest speed, Hz.
-        max_speed: f64 = f64::NAN,
+        /// Thrust coefficient c_f.
+        thrust_coefficient: f64 = f64::NAN => "N/Hz^2",
+        /// Drag-moment coefficient c_tau.
+        drag_coefficient: f64 = f64::NAN => "N m/Hz^2",
+        /// Lowest speed.
+        min_speed: f64 = f64::NAN => "Hz",
+        /// Highest speed.
+        max_speed: f64 = f64::NAN => "Hz",
     }
+}
+
+/// Its sections, for the documentation.
+pub(super) fn described() -> Vec<Described> {
+    vec![Described::of::<Body>(), Described::of::<HexarotorSection>(), Described::of::<RotorSection>()]
 }
 
 /// How the rotors are given.

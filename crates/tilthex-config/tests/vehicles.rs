@@ -26,7 +26,7 @@ struct Flight {
 fn flight(preset: &str, keys: &str) -> Flight {
     let config = Config::default_for(VehicleSection::preset(preset).unwrap());
     let config = config.overlaid(keys.parse().unwrap()).unwrap();
-    let vehicle = *config.vehicle.vehicle();
+    let vehicle = *config.vehicle().vehicle();
     let plant = Plant::new(vehicle);
     Flight {
         plant,

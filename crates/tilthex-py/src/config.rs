@@ -52,13 +52,13 @@ impl Config {
     /// Its vehicle.
     #[getter]
     fn vehicle(&self) -> Vehicle {
-        Vehicle { section: self.checked.vehicle.clone() }
+        Vehicle { section: self.checked.vehicle().clone() }
     }
 
     /// The constant latency that is taken off every pose's time, s.
     #[getter]
     fn pose_latency(&self) -> f64 {
-        self.checked.estimator.latency
+        self.checked.estimator().latency
     }
 
     /// Where the captured body sits on the robot: position, m, (3,), and rotation, (3, 3).
@@ -80,6 +80,6 @@ impl Config {
     }
 
     fn __repr__(&self) -> String {
-        format!("Config(vehicle='{}')", self.checked.vehicle.name())
+        format!("Config(vehicle='{}')", self.checked.vehicle().name())
     }
 }

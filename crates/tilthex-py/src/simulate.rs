@@ -44,7 +44,7 @@ pub(crate) fn simulate<'py>(
     let start = match start {
         "air" => Start::Air(trajectory),
         "ground" => {
-            let limits = config.checked.mission.limits();
+            let limits = config.checked.mission().limits();
             Start::Ground(Some(Route::of(&trajectory, &limits).map_err(convert::value_error)?))
         }
         other => {

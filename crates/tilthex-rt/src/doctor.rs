@@ -71,8 +71,8 @@ pub fn examine(config: &Config, port: Option<&str>, demand: Demand) -> Vec<Check
     let mut checks = vec![kernel(Path::new("/")), governor(Path::new("/sys"))];
     checks.extend(rights_and_wakes(demand));
     checks.push(clock(Path::new("/sys")));
-    checks.extend(port.map(|name| line(name, config.link.baud)).unwrap_or_default());
-    if !config.mocap.uri.is_empty() {
+    checks.extend(port.map(|name| line(name, config.link().baud)).unwrap_or_default());
+    if !config.mocap().uri.is_empty() {
         checks.push(capture(config));
     }
     checks
@@ -173,8 +173,8 @@ fn line(name: &str, baud: u32) -> Vec<Check> {
 
 fn capture(config: &Config) -> Check {
     let connect = || -> Result<_, crate::Failure> {
-        let uri: MocapUri = config.mocap.uri.parse()?;
-        let up_axis = config.mocap.up_axis()?;
+        let uri: MocapUri = config.mocap().uri.parse()?;
+        let up_axis = config.mocap().up_axis()?;
         Ok(Client::start(&uri, ClientParams { up_axis, latency: 0.0 })?)
     };
     match connect() {

@@ -14,6 +14,7 @@ pub mod log;
 mod output;
 pub mod phase_lock;
 pub mod port;
+mod ports;
 pub mod realtime;
 pub mod recorder;
 pub mod reference;

@@ -2,18 +2,19 @@
 //! written without ever waiting.
 
 use std::{
-    fs, io,
+    fmt, fs, io,
     os::fd::{AsFd, BorrowedFd, OwnedFd},
     path::{Path, PathBuf},
 };
 
 use rustix::{
-    fs::{FlockOperation, Mode, OFlags},
+    fs::{Mode, OFlags},
     io::Errno,
-    termios::{OptionalActions, QueueSelector},
+    termios::OptionalActions,
 };
+use serialport::SerialPort;
 
-use crate::{Failure, sys};
+use crate::{Failure, ports, sys};
 
 /// Longest time an adapter may hold bytes back, ms.
 const LONGEST_LATENCY_MS: u32 = 1;
@@ -45,39 +46,33 @@ impl Port {
     /// One sentence: no such port, in use, no right, not a terminal, a speed
     /// it has not, or an adapter that holds bytes back.
     pub fn open(name: &str, baud: u32) -> Result<Self, Failure> {
-        let path = resolve(name, Path::new("/sys"))?;
-        let refuse = |what: &str, e: Errno| Failure::link(format!("{}: {what}: {e}", path.display()));
-        let fd = rustix::fs::open(
-            &path,
-            OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC,
-            Mode::empty(),
-        )
-        .map_err(|e| cannot_open(&path, e))?;
-        if !rustix::termios::isatty(&fd) {
-            return Err(Failure::link(format!(
-                "{} is no serial port; expected a terminal device such as /dev/ttyUSB0",
-                path.display()
-            )));
-        }
-        rustix::fs::flock(&fd, FlockOperation::NonBlockingLockExclusive)
-            .map_err(|_| cannot_open(&path, Errno::BUSY))?;
-        rustix::termios::ioctl_tiocexcl(&fd).map_err(|e| refuse("can not be locked", e))?;
-        let mut settings =
-            rustix::termios::tcgetattr(&fd).map_err(|e| refuse("its settings can not be read", e))?;
-        settings.make_raw();
-        if baud > 0 {
-            settings.set_speed(baud).map_err(|e| refuse(&format!("does not know {baud} baud"), e))?;
-        }
-        rustix::termios::tcsetattr(&fd, OptionalActions::Now, &settings)
-            .map_err(|e| refuse(&format!("can not be set raw at {baud} baud"), e))?;
-        rustix::termios::tcflush(&fd, QueueSelector::IOFlush).map_err(|e| refuse("can not be flushed", e))?;
-        // Drivers without the flag hold nothing back; those that do show it in latency_timer.
+        let path = ports::resolve(name, &ports::there())?;
+        let refuse =
+            |what: &str, e: &dyn fmt::Display| Failure::link(format!("{}: {what}: {e}", path.display()));
+        let speed = present_speed(&path)?;
+        // The crate has no way to leave the speed alone: what the line has is set again.
+        let speed = if baud > 0 { baud } else { speed };
+        let port = serialport::new(path.to_string_lossy(), speed).open_native().map_err(|e| {
+            if e.kind() == serialport::ErrorKind::NoDevice {
+                ports::cannot_open(&path, Errno::BUSY)
+            } else {
+                refuse(&format!("cannot be set raw at {speed} baud"), &e)
+            }
+        })?;
+        port.clear(serialport::ClearBuffer::All).map_err(|e| refuse("cannot be flushed", &e))?;
+        // The loop keeps the bare descriptor: the crate's reads and writes wait, in `poll` and in the kernel.
+        let fd = sys::descriptor(port);
+        rustix::fs::fcntl_setfl(&fd, OFlags::NONBLOCK)
+            .map_err(|e| refuse("cannot be read without waiting", &e))?;
+        // The crate knows neither of these. Drivers without the flag hold nothing back; those that do show it in
+        // latency_timer.
         let _ = sys::set_low_latency(fd.as_fd());
         check_latency(&path, Path::new("/sys"))?;
         Ok(Self { fd, path, short_writes: 0 })
     }
 
     /// A pseudo-terminal: its controlling side, and the path of the other.
+    /// `serialport` makes pairs only, of which it locks both ends; a program that is to open the other end needs it free.
     ///
     /// # Errors
     /// The kernel's.
@@ -145,43 +140,19 @@ impl AsFd for Port {
     }
 }
 
-fn cannot_open(path: &Path, e: Errno) -> Failure {
-    let path = path.display();
-    Failure::link(match e {
-        Errno::NOENT => format!("{path} does not exist: plug the vehicle in, or name its port with --port"),
-        Errno::ACCESS => format!(
-            "{path} may not be opened by this user: join its group with `sudo usermod -aG dialout $USER` and log in again"
-        ),
-        Errno::BUSY => {
-            format!("{path} is in use by another program: end it first (`fuser -v {path}` names it)")
-        }
-        _ => format!("{path} can not be opened: {e}"),
-    })
-}
-
-/// The device a name stands for: a path, or a USB serial number looked up under `sys`.
-fn resolve(name: &str, sys: &Path) -> Result<PathBuf, Failure> {
-    if name.contains('/') {
-        return Ok(PathBuf::from(name));
+/// The speed that a terminal has now; 38400 where it has none that is a number.
+fn present_speed(path: &Path) -> Result<u32, Failure> {
+    let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+    let fd = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| ports::cannot_open(path, e))?;
+    if !rustix::termios::isatty(&fd) {
+        return Err(Failure::link(format!(
+            "{} is no serial port; expected a terminal device such as /dev/ttyUSB0",
+            path.display()
+        )));
     }
-    let mut known = Vec::new();
-    let ttys = fs::read_dir(sys.join("class/tty")).into_iter().flatten().flatten();
-    for tty in ttys {
-        let Ok(device) = fs::canonicalize(tty.path().join("device")) else { continue };
-        // The serial number stands at the USB device, a few levels above its interface's port.
-        let serial = device.ancestors().take(5).find_map(|up| fs::read_to_string(up.join("serial")).ok());
-        let Some(serial) = serial else { continue };
-        if serial.trim() == name {
-            return Ok(Path::new("/dev").join(tty.file_name()));
-        }
-        known.push(format!("{} ({})", serial.trim(), tty.file_name().to_string_lossy()));
-    }
-    known.sort();
-    let known = if known.is_empty() { "none is plugged in".into() } else { known.join(", ") };
-    Err(Failure::link(format!(
-        "no USB serial adapter has the serial number \"{name}\" (found: {known}): name one of these or a path such \
-         as /dev/ttyUSB0"
-    )))
+    let settings = rustix::termios::tcgetattr(&fd)
+        .map_err(|e| Failure::link(format!("{}: its settings cannot be read: {e}", path.display())))?;
+    Ok(Some(settings.output_speed()).filter(|speed| *speed > 0).unwrap_or(38_400))
 }
 
 /// The delay of an FTDI adapter, ms, where the device has one.
@@ -285,17 +256,22 @@ mod tests {
     }
 
     #[test]
-    fn adapters_are_found_by_serial_number_and_slow_ones_refused() {
+    fn a_speed_of_zero_leaves_the_line_as_it_is() {
+        let (_master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
+        let path = path.to_str().expect("plain");
+        drop(Port::open(path, 57_600).expect("opens"));
+        assert_eq!(present_speed(Path::new(path)).expect("a terminal"), 57_600);
+        drop(Port::open(path, 0).expect("opens"));
+        assert_eq!(present_speed(Path::new(path)).expect("a terminal"), 57_600);
+    }
+
+    #[test]
+    fn slow_adapters_are_refused() {
         let sys = tempfile::tempdir().expect("a directory");
-        let usb = sys.path().join("devices/usb1/1-2");
-        let port = usb.join("1-2:1.0/ttyUSB7");
+        let port = sys.path().join("devices/usb1/1-2/1-2:1.0/ttyUSB7");
         fs::create_dir_all(&port).expect("made");
         fs::create_dir_all(sys.path().join("class/tty/ttyUSB7")).expect("made");
         symlink(&port, sys.path().join("class/tty/ttyUSB7/device")).expect("linked");
-        fs::write(usb.join("serial"), "FT4711\n").expect("written");
-        assert_eq!(resolve("FT4711", sys.path()).expect("found"), Path::new("/dev/ttyUSB7"));
-        assert!(resolve("FT0815", sys.path()).expect_err("absent").message.contains("FT4711 (ttyUSB7)"));
-
         let device = sys.path().join("ttyUSB7");
         fs::write(&device, "").expect("written");
         assert!(check_latency(&device, sys.path()).is_ok(), "no timer, no delay");

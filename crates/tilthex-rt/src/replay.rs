@@ -46,7 +46,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let set_up = |e: &dyn std::fmt::Display| format!("has a set-up that this version does not take: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
-    let limits = config.mission.limits();
+    let limits = config.mission().limits();
     let route = attachments.trajectory.as_deref().map(|text| orders::parse_route(text, &limits));
     let route = route.transpose().map_err(|e| set_up(&e))?;
     for channel in log.channels().values() {
@@ -60,7 +60,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     });
     let mut replayer = Replayer {
         linked: LinkedFlight::new(params, route).map_err(|e| set_up(&e))?,
-        orders: Orders::new(limits, params.flight.controller.admittance),
+        orders: Orders::new(&config),
         lines,
         rotor_count: params.flight.vehicle.rotor_count(),
         out: Box::default(),

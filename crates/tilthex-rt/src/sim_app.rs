@@ -111,7 +111,7 @@ pub fn run() -> Result<(), Failure> {
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let Some(experiment) = &args.world else {
         let truth = TruthSection::named(&args.truth);
-        let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+        let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
         let drawn = drawn.map_err(|e| Failure::usage(e.to_string()))?;
         // `[truth.delays]` has the mean of a uniform latency and half its width; a line its smallest and its width.
         let half = drawn.delays.pose_jitter.unwrap_or(0.0);
@@ -129,11 +129,11 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
         level: args.truth.clone(),
         seed: args.seed,
     };
-    let world = World::start(&params, *config.vehicle.vehicle())?;
+    let world = World::start(&params, *config.vehicle().vehicle())?;
     let greeting = *world.greeting();
     let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
     let line = (greeting.pose_latency, greeting.pose_jitter);
-    let SimulationParams { plant, firmware, .. } = SimulationParams::new(*config.vehicle.vehicle());
+    let SimulationParams { plant, firmware, .. } = SimulationParams::new(*config.vehicle().vehicle());
     let simulation = Simulation::with_body(world, plant, greeting.sensors, firmware, args.seed);
     serve(args, config, simulation, every, line)
 }
@@ -161,7 +161,7 @@ fn serve<B: Body + Send + 'static>(
         tilthex_core::error::check_range(name, value, 0.0, most)
             .map_err(|e| Failure::usage(e.to_string()))?;
     }
-    let up_axis = config.mocap.up_axis().map_err(|e| Failure::usage(e.to_string()))?;
+    let up_axis = config.mocap().up_axis().map_err(|e| Failure::usage(e.to_string()))?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation<B>| {

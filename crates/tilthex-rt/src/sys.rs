@@ -4,7 +4,7 @@
 use std::{
     io,
     mem::{self, MaybeUninit},
-    os::fd::{AsRawFd, BorrowedFd},
+    os::fd::{AsRawFd, BorrowedFd, FromRawFd, IntoRawFd, OwnedFd},
 };
 
 /// Gives the calling thread the policy `SCHED_FIFO`, `offset` away from the middle of its range.
@@ -21,6 +21,12 @@ pub(crate) fn set_fifo(offset: i32) -> io::Result<()> {
         libc::sched_setscheduler(0, libc::SCHED_FIFO, &raw const parameter)
     };
     if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
+}
+
+/// The descriptor of an open port, which then is the only owner of it.
+pub(crate) fn descriptor(port: serialport::TTYPort) -> OwnedFd {
+    // SAFETY: `into_raw_fd` gives up the port's own descriptor, which is open and belongs to nobody else.
+    unsafe { OwnedFd::from_raw_fd(port.into_raw_fd()) }
 }
 
 /// The kernel's `struct serial_struct` (include/uapi/linux/tty.h).

@@ -33,7 +33,7 @@ static ALLOCATOR: AllocDisabler = AllocDisabler;
 fn the_loop_never_allocates() {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     let params = config.linked_params(true).expect("valid");
-    let up_axis = config.mocap.up_axis().expect("valid");
+    let up_axis = config.mocap().up_axis().expect("valid");
     let (mut capture, uri) = Capture::on_loopback(up_axis, LineParams::default()).expect("a free port");
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation| {
@@ -55,7 +55,7 @@ fn the_loop_never_allocates() {
     .expect("starts");
     let (_client, poses) =
         Client::start(&uri, ClientParams { up_axis, latency: 0.0 }).expect("the capture is there");
-    let mut orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
+    let mut orders = Orders::new(&config);
     let (mut give, commands) = RingBuffer::new(8);
     for line in [
         r#"{"command": "set_admittance", "stiffness": [8, 8, 8, 10, 10, 5]}"#,

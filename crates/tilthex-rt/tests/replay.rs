@@ -32,7 +32,7 @@ const ORDERS: [(f64, &str); 3] = [
 fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     let params = config.linked_params(true).expect("valid");
-    let route = orders::parse_route(TRAJECTORY, &config.mission.limits()).expect("valid");
+    let route = orders::parse_route(TRAJECTORY, &config.mission().limits()).expect("valid");
     let linked = LinkedFlight::new(params, Some(route)).expect("valid");
     let mut world = World::new(Simulation::new(SimulationParams::new(params.flight.vehicle)), linked, 3);
     let fault = |kind, begin, duration| Injection { kind, begin, duration, strength: 0.6, index: 1 };
@@ -49,7 +49,7 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let attachments =
         Attachments { config: attached(&config), trajectory: Some(TRAJECTORY.into()), take_off: true };
     let mut log = FlightLog::new(Vec::new(), Index::Written, Epoch::now(), 6, &attachments).expect("begins");
-    let mut orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
+    let mut orders = Orders::new(&config);
     let mut pending = ORDERS.iter().peekable();
     let mut phases = Vec::new();
     while world.now() < 40.0 && !world.linked.finished() {

@@ -20,7 +20,7 @@ fn tilt_hex() -> Config {
 
 fn tick(c: &mut Criterion) {
     let config = tilt_hex();
-    let vehicle = *config.vehicle.vehicle();
+    let vehicle = *config.vehicle().vehicle();
     let controller = Controller::new(vehicle, *config.controller()).expect("checked");
     let hover = Plant::new(vehicle).hover(Vector3::zeros());
     let input = ControllerInput {

@@ -70,6 +70,12 @@ pub struct Own {
     pub(super) health: RotorVector,
     /// Part of its thrust that each rotor has.
     pub(super) thrust: RotorVector,
+    /// 1 where a rotor turns the other way, with the propeller for it.
+    pub(super) reversed: RotorVector,
+    /// What presses on the tool (world, at its tip) beside the pushes.
+    pub(super) pressed_tool_w: Wrench,
+    /// What presses on the body: force W, torque R about the centre of mass.
+    pub(super) pressed: Wrench,
 }
 
 impl Own {
@@ -87,6 +93,9 @@ impl Own {
             tool_wrench_w: Wrench::ZERO,
             health: RotorVector::repeat(1.0),
             thrust: RotorVector::repeat(1.0),
+            reversed: RotorVector::zeros(),
+            pressed_tool_w: Wrench::ZERO,
+            pressed: Wrench::ZERO,
         };
         body.settle();
         body.state.effects = EffectsState::new(plant.effects(), seed);
@@ -106,6 +115,9 @@ impl Own {
             tool_wrench_w: Wrench::ZERO,
             health: RotorVector::repeat(1.0),
             thrust: RotorVector::repeat(1.0),
+            reversed: RotorVector::zeros(),
+            pressed_tool_w: Wrench::ZERO,
+            pressed: Wrench::ZERO,
         }
     }
 
@@ -118,14 +130,19 @@ impl Own {
 
     /// Takes up what acts on it now, `since_start` (s) after the motors' start, before it moves.
     pub fn feel(&mut self, since_start: Option<f64>) {
-        self.tool_wrench_w = since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
+        self.tool_wrench_w = self.presses(since_start);
         self.sum_up();
+    }
+
+    /// What presses on the tool, world, at its tip.
+    fn presses(&self, since_start: Option<f64>) -> Wrench {
+        self.pressed_tool_w + since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time))
     }
 
     fn sum_up(&mut self) {
         let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
         let ground = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
-        self.external = ground + push - self.lost_thrust();
+        self.external = ground + push + self.pressed - self.lost_thrust();
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
@@ -134,18 +151,24 @@ impl Own {
         self.plant.step(&mut self.state, &commands, &self.external, dt);
     }
 
-    /// What damaged rotors do not exert: force W, torque R.
+    /// What damaged and reversed rotors do not exert: force W, torque R.
     fn lost_thrust(&self) -> Wrench {
         let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
         let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
-        let body = self.plant.vehicle().body_wrench(&lost);
+        let mut body = self.plant.vehicle().body_wrench(&lost);
+        for ((rotor, speed), reversed) in self.plant.vehicle().rotors().iter().zip(speeds).zip(&self.reversed)
+        {
+            // A drag moment that acts the other way.
+            let moment = rotor.spin * rotor.drag_coefficient * speed * speed.abs();
+            body.torque += 2.0 * reversed * moment * rotor.axis_r;
+        }
         Wrench { force: self.state.robot.rotation_wr * body.force, torque: body.torque }
     }
 }
 
 impl Body for Own {
     fn advance(&mut self, cycle: &Cycle, commands: &RotorVector) {
-        self.tool_wrench_w = cycle.since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time));
+        self.tool_wrench_w = self.presses(cycle.since_start);
         let near = self.ground.is_some_and(|ground| ground.is_near(&self.state.robot));
         let steps = if near { CONTACT_STEPS } else { 1 };
         for _ in 0..steps {

@@ -22,7 +22,7 @@ use body::Cycle;
 use firmware::Measurements;
 use tilthex_config::TrueVehicle;
 use tilthex_core::{
-    Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
+    MAX_ROTORS, Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
     plant::{Plant, SensorParams, Sensors},
 };
 
@@ -97,6 +97,8 @@ pub struct Simulation<B = Own> {
     sensors: Sensors,
     own_sensors: SensorParams,
     firmware: Firmware,
+    /// The rotor that each motor controller drives.
+    wiring: [usize; MAX_ROTORS],
     now: Micros,
 }
 
@@ -121,6 +123,29 @@ impl Simulation {
             *thrust = part;
         }
     }
+
+    /// Lets a rotor (from 0) turn the other way, with the propeller for it.
+    pub fn reverse_spin(&mut self, rotor: usize) {
+        if let Some(reversed) = self.body.reversed.get_mut(rotor) {
+            *reversed = 1.0;
+        }
+    }
+
+    /// Puts two motors (from 0) on each other's wires.
+    pub fn exchange_motors(&mut self, one: usize, other: usize) {
+        self.wiring.swap(one, other);
+    }
+
+    /// Presses on the tool (world, at its tip) and on the body (force W, torque R about the centre of mass) from now on.
+    pub fn disturb(&mut self, tool_w: Wrench, body: Wrench) {
+        (self.body.pressed_tool_w, self.body.pressed) = (tool_w, body);
+    }
+
+    /// What presses on the body: force W, torque R about the centre of mass.
+    #[must_use]
+    pub fn disturbance(&self) -> Wrench {
+        self.body.pressed
+    }
 }
 
 impl<B: Body> Simulation<B> {
@@ -139,6 +164,7 @@ impl<B: Body> Simulation<B> {
             sensors: Sensors::new(sensors, seed),
             own_sensors: sensors,
             firmware: Firmware::new(plant.vehicle(), firmware),
+            wiring: std::array::from_fn(|i| i),
             now: 0,
         }
     }
@@ -158,12 +184,18 @@ impl<B: Body> Simulation<B> {
         let dt = STEP as f64 * 1e-6;
         self.now += STEP;
         let since_start = self.firmware.first_start().map(|start| (self.now - start) as f64 * 1e-6);
-        self.body.advance(&Cycle { at, dt, since_start }, &self.firmware.commands());
-        let Self { firmware, sensors, plant, body, .. } = self;
+        let driven = self.firmware.commands();
+        let mut commands = driven;
+        self.wiring.iter().zip(&driven).for_each(|(&rotor, speed)| commands[rotor] = *speed);
+        self.body.advance(&Cycle { at, dt, since_start }, &commands);
+        let Self { firmware, sensors, plant, body, wiring, .. } = self;
         sensors.pass(plant, body.state(), dt);
-        let measure = || Measurements {
-            imu: sensors.imu(&body.imu()),
-            rotor_speeds: sensors.rotor_speeds(plant, body.state()),
+        let measure = || {
+            let speeds = sensors.rotor_speeds(plant, body.state());
+            Measurements {
+                imu: sensors.imu(&body.imu()),
+                rotor_speeds: RotorVector::from_fn(|i, _| speeds[wiring[i]]),
+            }
         };
         firmware.advance(self.now, dt, &body.state().rotor_speeds, measure, out);
     }

@@ -147,7 +147,7 @@ struct World {
 impl World {
     fn new(scenario: &Scenario<'_>) -> Result<Self, ConfigError> {
         let params = scenario.config.flight_params(true)?;
-        let drawn = scenario.truth.draw(&scenario.config.vehicle, scenario.seed)?;
+        let drawn = scenario.truth.draw(scenario.config.vehicle(), scenario.seed)?;
         let (plant, pushes) = (drawn.plant()?, scenario.pushes.clone());
         let sensor_params = drawn.sensors(&scenario.sensors);
         let (body, flight, motors, started) = match &scenario.start {

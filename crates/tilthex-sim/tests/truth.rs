@@ -13,7 +13,7 @@ use tilthex_sim::{
 fn flown(vehicle: &str, level: &str, seed: u64) -> Outcome {
     let config = Config::default_for(VehicleSection::preset(vehicle).unwrap());
     let params = config.linked_params(true).unwrap();
-    let drawn = TruthSection::named(level).unwrap().draw(&config.vehicle, seed).unwrap();
+    let drawn = TruthSection::named(level).unwrap().draw(config.vehicle(), seed).unwrap();
     let simulation = Simulation::new(SimulationParams::of(&drawn).unwrap());
     let world = World::new(simulation, LinkedFlight::new(params, None).unwrap(), seed);
     campaign::fly(world, vec![], seed)

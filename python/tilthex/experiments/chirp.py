@@ -20,15 +20,15 @@ def without_phase(values: Vector) -> Vector:
 
 def chirp_frequency(run: Run, time: Vector) -> Vector:
     """Frequency of the swing, Hz."""
-    judge = run.judge
-    part = np.clip((time - judge["start"]) / (judge["end"] - judge["start"]), 0.0, 1.0)
-    return np.asarray(judge["lowest_hz"] + (judge["highest_hz"] - judge["lowest_hz"]) * part)
+    swing = run.swing
+    part = np.clip((time - swing["start"]) / (swing["end"] - swing["start"]), 0.0, 1.0)
+    return np.asarray(swing["lowest_hz"] + (swing["highest_hz"] - swing["lowest_hz"]) * part)
 
 
 def checks(run: Run, record: Record) -> list[Check]:
     """Error norm by amplitude over the last half second, at 2.5 Hz."""
     table = []
-    last = (record.time > run.judge["end"] - 1.0) & (record.time < run.judge["end"])
+    last = (record.time > run.swing["end"] - 1.0) & (record.time < run.swing["end"])
     for name, part, unit in (("force", slice(0, 3), "N"), ("torque", slice(3, 6), "N m")):
         estimate, sensor = (
             without_phase(record.wrench_tool[:, part]),
@@ -36,7 +36,7 @@ def checks(run: Run, record: Record) -> list[Check]:
         )
         error = rms((estimate - sensor)[last])
         amplitude = rms((sensor - sensor[last].mean(axis=0))[last])
-        at = f"{run.judge['highest_hz']:g} Hz"
+        at = f"{run.swing['highest_hz']:g} Hz"
         what = f"{name}: error at {at} by amplitude ({np.sqrt(2) * amplitude:.2g} {unit})"
         table.append(below(what, error / amplitude, 0.10, "%", paper="follows", scale=100.0))
     return table

@@ -7,7 +7,7 @@ import importlib.util
 import os
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,17 +30,17 @@ def add_parser(subparsers: Any) -> None:
         help="fly an experiment of the paper with the world simulated by MuJoCo",
         description="Flies an experiment with the complete chain in the loop and writes a report.",
     )
-    parser.add_argument(
-        "name", help="shaping, sliding, peg-in-hole, multi-contact, chirp, all, or a TOML file"
-    )
+    parser.add_argument("name", help=f"{', '.join(_names())}, all, or a TOML file")
     parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
     parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="where the state comes from")
     parser.add_argument(
         "--wire",
         action="store_true",
-        help="sliding, multi-contact: in real time, tilthex-rt against tilthex-sim, over tk3 and NatNet",
+        help="in real time, tilthex-rt against tilthex-sim, over tk3 and NatNet (files with `wire = true`)",
     )
-    parser.add_argument("--random", type=int, metavar="N", help="peg-in-hole: fly N random cases")
+    parser.add_argument(
+        "--random", type=int, metavar="N", help="fly N random cases, of an experiment that has them"
+    )
     parser.add_argument("--seed", type=int, default=None, help="seed of the noise and of the random cases")
     parser.add_argument(
         "--case", type=int, metavar="I", help="with --random: fly only this case, whole report"
@@ -115,13 +115,12 @@ def changes(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
-    from tilthex.experiments import judge, peg_in_hole, report
+    from tilthex.experiments import report
+    from tilthex.experiments.found import judge_of
 
-    runs = experiment.runs
+    runs, judged = experiment.runs, judge_of(experiment)
     if arguments.case is not None:
-        _only_peg(experiment)
-        runs = (peg_in_hole.draw(runs[0], runs[0].seed, arguments.case),)
-    judged = judge.of(experiment.kind)
+        runs = (_draw_of(experiment)(runs[0], runs[0].seed, arguments.case),)
     flights, checks, notes = [], [], []
     arguments.out.mkdir(parents=True, exist_ok=True)
     # Two files of one kind of experiment leave files of their own.
@@ -187,7 +186,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
 
     from tilthex.experiments import campaign, report
 
-    _only_peg(experiment)
+    _draw_of(experiment)
     base = experiment.runs[0]
     found: list[campaign.Attempt] = []
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -229,9 +228,18 @@ def _truths(runs: Sequence[Run]) -> list[str]:
     return [f"# {name}\n{run.drawn().to_toml()}" for name, run in drawn.items()]
 
 
-def _only_peg(experiment: Experiment) -> None:
-    if experiment.kind != "peg-in-hole":
-        raise ValueError(f"--random draws cases of peg-in-hole only, not of {experiment.kind}")
+def _names() -> list[str]:
+    """The built-in experiments, without what their modules need."""
+    return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
+
+
+def _draw_of(experiment: Experiment) -> Callable[[Run, int, int], Run]:
+    from tilthex.experiments.found import judge_of
+
+    draw = judge_of(experiment).draw
+    if draw is None:
+        raise ValueError(f"--random needs an experiment with random cases; {experiment.kind} has none")
+    return draw
 
 
 def _command(arguments: Sequence[str] | None = None) -> str:

@@ -23,24 +23,10 @@ class Judge:
 
     checks: Callable[[Run, Record], list[Check]]
     figures: Callable[[Flights], Figures]
+    draw: Callable[[Run, int, int], Run] | None = None
+    """Random case of a seed, by its number, of the experiments that have them."""
 
 
 def admittance(run: Run, key: str) -> Vector:
     """`mass`, `damping` or `stiffness` of the admittance filter, six numbers."""
     return np.array(run.config["admittance"][key], dtype=float)
-
-
-def of(kind: str) -> Judge:
-    """The judge of one kind of experiment."""
-    from tilthex.experiments import chirp, multi_contact, peg_in_hole, shaping, sliding
-
-    judges = {
-        "shaping": shaping.JUDGE,
-        "sliding": sliding.JUDGE,
-        "peg-in-hole": peg_in_hole.JUDGE,
-        "multi-contact": multi_contact.JUDGE,
-        "chirp": chirp.JUDGE,
-    }
-    if kind not in judges:
-        raise ValueError(f"experiment = {kind!r}; expected one of {', '.join(judges)}")
-    return judges[kind]

@@ -116,7 +116,7 @@ def axis_angle(run: Run, record: Record) -> Vector:
 def checks(run: Run, record: Record) -> list[Check]:
     """Depth, withdrawal, forces; what Table 2 does is reported without being asked."""
     found = insertion(run, record)
-    asked = not run.name.startswith("Table 2")
+    asked = run.judge["asked"]
     tilt = run.world["tilt_deg"]
     turned = tilt - float(axis_angle(run, record)[record.during("hold")].min())
     head = f"{run.name}, tilt {tilt:g} deg"
@@ -178,4 +178,4 @@ def figures(flights: Flights) -> Figures:
     return {"insertion": figure} | {run.name: overview(r) for run, r in flights} | {"stability": chart}
 
 
-JUDGE = Judge(checks, figures)
+JUDGE = Judge(checks, figures, draw)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,12 +33,12 @@ def periods(run: Run) -> int:
 
 
 def make(run: Run) -> Plan:
-    """Samples the trajectory of a run, or swings about it where a chirp is asked for."""
+    """Samples the trajectory of a run, or swings about it where a swing is asked for."""
     trajectory = trajectory_of(run.waypoints, run.limits)
     times = np.arange(_length(trajectory), dtype=np.float64) * PERIOD
     setpoints = [trajectory.sample(time) for time in times.tolist()]
-    if "swing" in run.judge:
-        setpoints = _swing(run, setpoints, times)
+    if run.swing:
+        setpoints = _swing(run.swing, setpoints, times)
     names = list(dict.fromkeys(point.phase for point in run.waypoints))
     leg = np.searchsorted(np.r_[0.0, trajectory.begins], times, side="right") - 1
     owner = np.array([names.index(point.phase) for point in run.waypoints])
@@ -63,21 +64,22 @@ def _length(trajectory: tilthex.Trajectory) -> int:
     return max(1, math.ceil(trajectory.duration / PERIOD))
 
 
-def _swing(run: Run, setpoints: list[tilthex.Setpoint], times: Vector) -> list[tilthex.Setpoint]:
+def _swing(
+    swing: Mapping[str, Any], setpoints: list[tilthex.Setpoint], times: Vector
+) -> list[tilthex.Setpoint]:
     """A swing of the tool whose frequency rises evenly (figure 4).
 
     Only the pose swings: the pose controller's answer to it alone is a force of the same
     size at every frequency, while velocity and acceleration would make it grow.
     """
-    judge = run.judge
-    length = judge["end"] - judge["start"]
-    t = np.clip(times - judge["start"], 0.0, length)
-    slope = (judge["highest_hz"] - judge["lowest_hz"]) / length
-    angle = 2.0 * math.pi * (judge["lowest_hz"] * t + 0.5 * slope * t * t)
+    length = swing["end"] - swing["start"]
+    t = np.clip(times - swing["start"], 0.0, length)
+    slope = (swing["highest_hz"] - swing["lowest_hz"]) / length
+    angle = 2.0 * math.pi * (swing["lowest_hz"] * t + 0.5 * slope * t * t)
     wave = np.where((t > 0.0) & (t < length), np.sin(angle), 0.0)
-    turns = Rotation.from_rotvec(np.radians(judge["turn_deg"]) * wave[:, None]).as_matrix()
-    swing = np.array(judge["swing"])
+    turns = Rotation.from_rotvec(np.radians(swing["rotation_deg"]) * wave[:, None]).as_matrix()
+    translation = np.array(swing["translation"])
     return [
-        tilthex.Setpoint(point.position + size * swing, turn @ point.rotation)
+        tilthex.Setpoint(point.position + size * translation, turn @ point.rotation)
         for point, size, turn in zip(setpoints, wave, turns, strict=True)
     ]

@@ -38,6 +38,7 @@ FILE_KEYS = {
     "experiment",
     "title",
     "about",
+    "wire",
     "vehicle",
     "truth",
     "seed",
@@ -52,9 +53,10 @@ FILE_KEYS = {
     "run",
     "short",
 }
-RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "run", "short"} | {"name"}
+RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "wire", "run", "short"} | {"name"}
 WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench"}
 LIMIT_KEYS = {"velocity", "acceleration", "angular_velocity", "angular_acceleration"}
+SWING_KEYS = {"start", "end", "lowest_hz", "highest_hz", "translation", "rotation_deg"}
 LIMITS = {"velocity": 0.3, "acceleration": 0.5, "angular_velocity": 0.5, "angular_acceleration": 1.0}
 
 
@@ -91,6 +93,8 @@ class Run:
     noise: Noise
     waypoints: tuple[Waypoint, ...]
     limits: Table
+    swing: Table
+    """A swing of the pose about the trajectory, whose frequency rises evenly; empty for none."""
     push: Table
     """`force` (N, W) at the tool from `start` to `end` (s)."""
     learn_bias: tuple[float, float]
@@ -130,17 +134,20 @@ class Experiment:
     """A file: its runs, and where it came from."""
 
     kind: str
+    """Which experiment judges it: the file's key `experiment`, or the file's own name."""
+    kind_is_named: bool
     title: str
     about: str
     runs: tuple[Run, ...]
     text: str
+    folder: Path
+    wire: bool
+    """Whether it can be flown through the wire: a free tool, without pulls and swings."""
 
 
 def built_in() -> list[str]:
     """Names of the experiments that come with the package."""
-    order = ["shaping", "sliding", "peg-in-hole", "multi-contact", "chirp"]
-    found = {path.stem for path in Path(__file__).parent.glob("*.toml")}
-    return [name for name in order if name in found] + sorted(found - set(order))
+    return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
 
 def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = None) -> Experiment:
@@ -164,7 +171,8 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
     folder = path.parent if Path(name).suffix == ".toml" else Path()
     chosen = brief.pop("runs", None)
     runs = table.pop("run", [{"name": table.get("title", path.stem)}])
-    kind = table.pop("experiment", path.stem)
+    kind_is_named = "experiment" in table
+    kind, wire = table.pop("experiment", path.stem), table.pop("wire", False)
     title, about = table.pop("title", kind), table.pop("about", "")
     made = []
     for run in runs:
@@ -175,7 +183,7 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
         for layer, where in ((table, folder), (run, folder), (brief, folder), (changes or {}, Path())):
             whole = _merge_layer(whole, layer, where)
         made.append(_run(kind, whole))
-    return Experiment(kind, title, about, tuple(made), text)
+    return Experiment(kind, kind_is_named, title, about, tuple(made), text, path.parent.absolute(), wire)
 
 
 def read_toml(text: str, where: str) -> Table:
@@ -235,7 +243,13 @@ def _place(name: str, folder: Path) -> str:
 def _run(kind: str, table: Table) -> Run:
     ranges.check(table)
     trajectory = table.get("trajectory", {})
-    _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint"})
+    _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint", "swing"})
+    swing = trajectory.get("swing", {})
+    _check_keys("[trajectory.swing]", swing, SWING_KEYS)
+    if swing and swing.keys() != SWING_KEYS:
+        raise ValueError(
+            f"[trajectory.swing] has no {', '.join(sorted(SWING_KEYS - swing.keys()))}; expected each"
+        )
     waypoints = []
     last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "duration": 0.0, "hold": 0.0, "wrench": (0.0,) * 6}
     for item in trajectory.get("waypoint", []):
@@ -261,6 +275,7 @@ def _run(kind: str, table: Table) -> Run:
         noise=Noise(**noise),
         waypoints=tuple(waypoints),
         limits=LIMITS | {key: trajectory[key] for key in LIMIT_KEYS & trajectory.keys()},
+        swing=swing,
         push=table.get("push", {}),
         learn_bias=tuple(table.get("learn_bias", (0.0, 0.0))),
         judge=table.get("judge", {}),

@@ -23,8 +23,6 @@ from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
 
-FLOWN = ("sliding", "multi-contact")
-"""What can be flown so: a free tool, without pulls and swings, softness as the file has it."""
 CLEARANCE = 0.25
 """The ways from and to the stand pass this far above the trajectory's ends, m."""
 TAKE_OFF = 0.6
@@ -76,8 +74,10 @@ def check(experiment: Experiment) -> None:
     Raises:
         ValueError: With those that can.
     """
-    if experiment.kind not in FLOWN:
-        raise ValueError(f"--wire flies {' and '.join(FLOWN)}, not {experiment.kind}")
+    if not experiment.wire:
+        raise ValueError(
+            f"--wire flies experiments whose file says `wire = true`; that of {experiment.kind} does not"
+        )
 
 
 def route(run: Run) -> Route:

@@ -16,7 +16,7 @@ mod sections;
 mod spread;
 
 use super::{
-    section::{self, ConfigError, Section},
+    section::{self, ConfigError, Described, Section},
     vehicle::VehicleSection,
 };
 pub use sections::{AerodynamicsSection, DelaysSection, ErrorSection, SensorsSection, StructureSection};
@@ -36,6 +36,17 @@ pub const LEVELS: &[(&str, &str)] = &[
     ("cad", include_str!("../../../../truths/cad.toml")),
     ("outdoors", include_str!("../../../../truths/outdoors.toml")),
 ];
+
+/// Its sections, for the documentation.
+pub(super) fn described() -> Vec<Described> {
+    vec![
+        Described::of::<ErrorSection>(),
+        Described::of::<AerodynamicsSection>(),
+        Described::of::<StructureSection>(),
+        Described::of::<SensorsSection>(),
+        Described::of::<DelaysSection>(),
+    ]
+}
 
 /// A checked `[truth]` table, of no vehicle yet.
 #[derive(Clone, Debug, PartialEq)]

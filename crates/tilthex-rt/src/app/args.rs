@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Parser, Subcommand};
+use toml::{Table, Value};
 
 use tilthex_config::{Config, VehicleSection};
 use tilthex_sim::campaign::Kind;
@@ -124,16 +125,17 @@ impl Args {
             Some(path) => Config::from_file(path),
             None => VehicleSection::preset("tilt-hex").map(Config::default_for),
         };
-        let mut config = read().map_err(|e| Failure::usage(e.to_string()))?;
-        if let Some(baud) = self.baud {
-            config.link.baud = baud;
-        }
-        if let Some(uri) = &self.mocap {
-            config.mocap.uri.clone_from(uri);
-        }
-        if let Some(path) = &self.log {
-            config.log.path = path.display().to_string();
-        }
+        let mut changes = Table::new();
+        let mut change = |section: &str, key: &str, value: Option<Value>| {
+            if let Some(value) = value {
+                changes.insert(section.into(), Value::Table(Table::from_iter([(key.into(), value)])));
+            }
+        };
+        change("link", "baud", self.baud.map(|baud| i64::from(baud).into()));
+        change("mocap", "uri", self.mocap.clone().map(Value::String));
+        change("log", "path", self.log.as_ref().map(|path| path.display().to_string().into()));
+        let config =
+            read().and_then(|config| config.overlaid(changes)).map_err(|e| Failure::usage(e.to_string()))?;
         if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
             return Err(Failure::usage("--duration is not a time; expected seconds from 0 on"));
         }

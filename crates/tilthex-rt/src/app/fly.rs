@@ -51,25 +51,25 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
-            let route = orders::parse_route(text, &config.mission.limits());
+            let route = orders::parse_route(text, &config.mission().limits());
             Some(route.map_err(|e| Failure::usage(format!("{}: {e}", path.display())))?)
         }
         _ => None,
     };
     let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
     let land = signals::flag()?;
-    let log = (!config.log.path.is_empty()).then(|| PathBuf::from(&config.log.path));
+    let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
     if let Some(path) = &log {
         LogFile::check(path, args.overwrite)?;
     }
-    let client = config.mocap.client().map_err(|e| Failure::usage(e.to_string()))?;
+    let client = config.mocap().client().map_err(|e| Failure::usage(e.to_string()))?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
     let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
     let (recorder, feed, truths) =
         Recorder::start(recorder_params(&config, log, trajectory, params.flight.take_off))?;
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
-    let orders = Orders::new(config.mission.limits(), params.flight.controller.admittance);
+    let orders = Orders::new(&config);
     let control = match &args.control {
         Some(address) => {
             Some(ControlSocket::start(address, Dispatcher::new(orders, commands_in, recorder.observer()))?)
@@ -92,7 +92,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
     };
     let Peers { name, port, client: _client, poses } = peers;
-    let period = Duration::from_secs_f64(1.0 / config.link.imu_rate);
+    let period = Duration::from_secs_f64(1.0 / config.link().imu_rate);
     let control_loop = ControlLoop {
         linked,
         port,
@@ -134,9 +134,9 @@ impl Peers {
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
             ));
         };
-        let uri = &config.mocap.uri;
+        let uri = &config.mocap().uri;
         let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
-        Self::open(port.clone(), config.link.baud, uri.as_ref(), client)
+        Self::open(port.clone(), config.link().baud, uri.as_ref(), client)
     }
 
     fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
@@ -203,7 +203,7 @@ fn recorder_params(
         log,
         black_box,
         attachments: Attachments { config: config.to_toml(), trajectory, take_off },
-        rotor_count: config.vehicle.vehicle().rotor_count(),
+        rotor_count: config.vehicle().vehicle().rotor_count(),
     }
 }
 
@@ -215,7 +215,7 @@ fn simulate(
     mut truths: TruthFeed,
 ) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
-    let drawn = truth.and_then(|truth| truth.draw(&config.vehicle, args.seed));
+    let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
     let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;

@@ -61,8 +61,7 @@ pub fn run() -> Result<(), Failure> {
             }
         }
         Some(Action::Campaign { number, seed, faults, truth }) => {
-            let every = Kind::ALL.map(|(kind, _)| kind);
-            let kinds = if faults.is_empty() { &every[..] } else { faults };
+            let kinds = if faults.is_empty() { Kind::ALL } else { faults };
             let truth = TruthSection::named(truth).map_err(|e| Failure::usage(e.to_string()))?;
             fly_campaign(&args.config()?, &truth, kinds, *number, *seed)
         }

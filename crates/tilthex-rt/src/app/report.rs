@@ -27,7 +27,7 @@ pub(super) fn print(
     say!(
         "ticks               {} at {} Hz, {} with an inertial sample",
         s.ticks,
-        config.link.imu_rate,
+        config.link().imu_rate,
         s.with_imu
     );
     let machine = slept.map_or(String::new(), |slept| {
@@ -73,13 +73,13 @@ pub(super) fn print(
     if recorded.latest.dropped > 0 {
         say!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
     }
-    match (&recorded.latest.error, config.log.path.is_empty()) {
+    match (&recorded.latest.error, config.log().path.is_empty()) {
         (None, _) if recorded.moved => say!(
             "log                 {} is no longer there: somebody has moved or replaced it in flight",
-            config.log.path
+            config.log().path
         ),
-        (Some(error), _) => say!("log                 {} breaks off: {error}", config.log.path),
-        (None, false) => say!("log                 {}", config.log.path),
+        (Some(error), _) => say!("log                 {} breaks off: {error}", config.log().path),
+        (None, false) => say!("log                 {}", config.log().path),
         (None, true) => {}
     }
     if let Some(path) = &recorded.black_box {
@@ -89,7 +89,7 @@ pub(super) fn print(
 
 /// How far the configured spring yields to a push at rest.
 fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
-    let admittance = &config.admittance;
+    let admittance = config.admittance();
     let norm = deflection.force_w.norm();
     let left = (norm - admittance.force_dead_zone).max(0.0) / norm;
     let f = deflection.force_w * left;

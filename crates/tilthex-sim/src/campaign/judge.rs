@@ -10,6 +10,14 @@ use super::{Injection, World};
 
 /// Farther from its start, horizontally or upwards, a vehicle has flown away, m.
 const FLY_AWAY: f64 = 3.0;
+/// Faster than this, no vehicle that can carry itself may fly, m/s.
+const FAST: f64 = 3.5;
+/// Higher than this over its start, motors are not stopped, m.
+const LOW: f64 = 0.1;
+/// The same in the first moments of a flight whose wiring or capture is wrong, m: a stop there is the gentle end.
+const LOW_AT_FIRST: f64 = 0.35;
+/// A vehicle that ends well is where it believes it is, m.
+const BELIEF: f64 = 0.3;
 /// A touch-down faster than this is hard, m/s.
 pub(super) const HARD: f64 = 1.5;
 
@@ -141,8 +149,12 @@ impl Judge {
                     self.fail(world, format_args!("sent {message:?}"));
                 }
             }
-            HostMessage::Stop(_) | HostMessage::StopAll if in_flight => {
-                self.fail(world, "stopped motors in flight");
+            HostMessage::Stop(_) | HostMessage::StopAll => {
+                let height = world.simulation.truth().robot.position_w.z - self.start.z;
+                let built_in = self.outcome.injections.iter().any(|i| i.kind.is_built_in());
+                if in_flight || height > if built_in { LOW_AT_FIRST } else { LOW } {
+                    self.fail(world, format_args!("stopped motors {height:.2} m above the start"));
+                }
             }
             HostMessage::Throttles(_) => self.fail(world, format_args!("sent {message:?}")),
             _ => {}
@@ -156,11 +168,28 @@ impl Judge {
         if way.xy().norm() > FLY_AWAY || way.z > FLY_AWAY || !robot.is_finite() {
             self.fail(world, format_args!("flew away to {:.2?}", robot.position_w.as_slice()));
         }
+        let speed = robot.velocity_w.norm();
+        if speed > FAST && !self.outcome.injections.iter().any(|i| i.kind.takes_lift()) {
+            self.fail(world, format_args!("flew at {speed:.1} m/s"));
+        }
         let stands = world.simulation.stands();
         if stands && self.falling > HARD {
             self.outcome.impact = self.outcome.impact.max(self.falling);
         }
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
+    }
+
+    /// Looks at how the program would end: with success only where the vehicle is where it believes it is.
+    pub(super) fn conclude(&mut self, world: &World) {
+        let supervisor = world.linked.flight.supervisor();
+        if !world.linked.finished() || supervisor.ended_by().is_some() {
+            return;
+        }
+        let believed = world.record().state.position_w;
+        let off = (believed - world.simulation.truth().robot.position_w).norm();
+        if off > BELIEF {
+            self.fail(world, format_args!("ended with success, {off:.2} m from where it believes it is"));
+        }
     }
 
     /// Whether nothing more will happen: it lies on the ground and its host knows no more to do.

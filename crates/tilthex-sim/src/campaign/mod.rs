@@ -2,13 +2,19 @@
 //! real codecs, estimator, supervisor and controller.
 //!
 //! A flight fails on a panic, on a byte that should not have been sent, on a
-//! reaction that the table of faults does not list, and on a fly-away.
+//! reaction that the table of faults does not list, on a fly-away, on a speed above the limit, on motors
+//! that are stopped in the air, and on an end with success where the vehicle is not where it believes.
 
+mod acts;
+mod capture;
 mod disk;
-pub mod faults;
+mod faults;
 mod judge;
+mod kinds;
+mod line;
 mod story;
 mod summary;
+mod vehicle;
 pub mod world;
 
 use std::{
@@ -22,8 +28,9 @@ use std::{
 use tilthex_core::random::Random;
 use tilthex_link::{LinkedFlight, LinkedParams};
 
-pub use faults::{Injection, Kind};
+pub use faults::Injection;
 pub use judge::Outcome;
+pub use kinds::Kind;
 pub use summary::Summary;
 pub use world::World;
 
@@ -72,6 +79,7 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
             break;
         }
     }
+    judge.conclude(&world);
     // Legs that lose the last thrust give way a little.
     for _ in 0..SETTLING {
         world.tick(None);
@@ -120,7 +128,7 @@ impl Fleet<'_> {
     /// Of a set-up.
     fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
         let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
-        Ok(Fleet { params, model: &config.vehicle, truth })
+        Ok(Fleet { params, model: config.vehicle(), truth })
     }
 
     /// The vehicle of a seed, on the ground.
@@ -197,10 +205,13 @@ fn one(
     see: &mut dyn FnMut(&World),
 ) -> Outcome {
     let mut random = Random::new(seed);
+    let rotors = fleet.params.flight.vehicle.rotor_count();
     let whole = seed.is_multiple_of(WHOLE_EVERY);
     let window = if whole { WHOLE_WINDOW } else { WINDOW };
     let count = 1 + (random.uniform() < 0.2) as usize;
-    let injections: Vec<_> = (0..count).map(|_| Injection::random(&mut random, kinds, window)).collect();
+    let injections: Vec<_> =
+        (0..count).map(|_| Injection::random(&mut random, kinds, window, rotors)).collect();
+    let whole = whole || injections.iter().any(|i| i.kind.is_built_in());
     let flown = catch_unwind(AssertUnwindSafe(|| -> Result<Outcome, SimError> {
         let world = match hovering {
             Some(shared) if !whole => shared.clone(),

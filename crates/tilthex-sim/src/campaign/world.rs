@@ -11,8 +11,9 @@ use tilthex_core::{
 use tilthex_link::{LinkedFlight, LinkedOutput, MAX_BYTES_IN, WireInput};
 
 use super::{
+    acts::{Act, Bytes, Memory, OnVehicle},
     disk::Disk,
-    faults::{Injection, Kind},
+    faults::Injection,
 };
 use crate::{STEP, Simulation};
 
@@ -26,6 +27,14 @@ const CAPTURE_LATENCY: f64 = 0.008;
 const LINE_BUFFER: usize = 4096;
 /// The host's clock when the board was powered, s.
 const EPOCH: f64 = 100.0;
+
+/// Whether a fault lasts now, and what it remembers.
+#[derive(Clone, Debug, Default)]
+struct Active {
+    on: bool,
+    stalls: bool,
+    memory: Memory,
+}
 
 /// A vehicle, its controller and their faults.
 #[derive(Clone)]
@@ -41,11 +50,12 @@ pub struct World {
     out: LinkedOutput,
     to_host: Vec<u8>,
     poses: VecDeque<PoseSample>,
-    last_imu: Vec<u8>,
-    active: Vec<bool>,
+    active: Vec<Active>,
     random: Random,
     ticks: u64,
     stopped: u64,
+    /// Commands of a tick in which the program stands still.
+    unsent: Option<Vec<u8>>,
     disk: Disk,
 }
 
@@ -61,11 +71,11 @@ impl World {
             out: LinkedOutput::default(),
             to_host: Vec::new(),
             poses: VecDeque::new(),
-            last_imu: Vec::new(),
             active: Vec::new(),
             random: Random::new(seed),
             ticks: 0,
             stopped: 0,
+            unsent: None,
             disk: Disk::default(),
         }
     }
@@ -73,7 +83,7 @@ impl World {
     /// Faults from now on, with randomness of their own; their times count from now.
     pub fn inject(&mut self, injections: Vec<Injection>, seed: u64) {
         self.random = Random::new(seed);
-        self.active = vec![false; injections.len()];
+        self.active = vec![Active::default(); injections.len()];
         let now = self.now();
         self.injections = injections;
         for injection in &mut self.injections {
@@ -95,7 +105,8 @@ impl World {
 
     /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
     pub(super) fn log_fault(&self) -> Option<&'static str> {
-        let may_drop = self.injections.iter().any(|i| i.kind == Kind::DiskSlow);
+        let may_drop =
+            self.injections.iter().any(|i| i.kind.acts().iter().any(|act| matches!(act, Act::Disk)));
         match (self.disk.accounts_for_all(), self.disk.dropped()) {
             (false, _) => Some("the log lost a tick that was not counted"),
             (_, 1..) if !may_drop => Some("the log dropped a tick though the disk took them"),
@@ -132,6 +143,9 @@ impl World {
             self.stopped -= 1;
             return false;
         }
+        if let Some(command) = self.unsent.take() {
+            self.send(command);
+        }
         self.control(command);
         true
     }
@@ -142,31 +156,57 @@ impl World {
         let mut out = Vec::new();
         for (injection, active) in self.injections.iter().zip(&mut self.active) {
             let due = (injection.begin..injection.begin + injection.duration).contains(&now);
-            if due && !*active {
-                injection.begin(&mut self.simulation, &mut out);
-                if injection.kind == Kind::Stopped {
-                    self.stopped = (2.5 + 247.5 * injection.strength) as u64;
+            let (begins, ends) = (due && !active.on, !due && active.on);
+            active.on = due;
+            let mut on =
+                OnVehicle { simulation: &mut self.simulation, out: &mut out, random: &mut self.random };
+            for act in injection.kind.acts() {
+                match act {
+                    Act::Vehicle { begin, during, end } => {
+                        if begins {
+                            begin(injection, &mut on);
+                        }
+                        if due {
+                            during(injection, &mut on);
+                        }
+                        if ends {
+                            end(injection, &mut on);
+                        }
+                    }
+                    Act::Host(tell) => tell(&mut self.host, due),
+                    Act::Stopped if begins => self.stopped = periods(injection),
+                    Act::Stalled if begins => active.stalls = true,
+                    Act::Stopped
+                    | Act::Stalled
+                    | Act::Received(_)
+                    | Act::Sent(_)
+                    | Act::Pose(_)
+                    | Act::Disk => {}
                 }
-            } else if !due && *active {
-                injection.end(&mut self.simulation);
             }
-            *active = due;
         }
         self.to_host.extend(out);
-        self.host.link_lost = self.is_active(Kind::Unplugged);
-        self.host.log_lost |= self.is_active(Kind::DiskFull);
     }
 
-    fn is_active(&self, kind: Kind) -> bool {
-        self.injections.iter().zip(&self.active).any(|(i, active)| *active && i.kind == kind)
+    fn lasts(&self, is: impl Fn(&Act) -> bool) -> bool {
+        self.injections.iter().zip(&self.active).any(|(i, active)| active.on && i.kind.acts().iter().any(&is))
     }
 
     fn arrive(&mut self, mut bytes: Vec<u8>) {
-        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
-            injection.spoil_link(&mut bytes, &self.last_imu, &mut self.random);
-        }
-        if bytes.starts_with(b"^I") {
-            self.last_imu = bytes.iter().copied().take_while(|byte| *byte != b'$').chain([b'$']).collect();
+        let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
+        for (injection, active) in self.injections.iter().zip(&mut self.active) {
+            let Memory { imu, received, .. } = &mut active.memory;
+            for act in injection.kind.acts() {
+                if let Act::Received(spoil) = act {
+                    let random = &mut self.random;
+                    pass(
+                        active.on,
+                        spoil,
+                        injection,
+                        Bytes { bytes: &mut bytes, held: received, imu, random, now, rotors },
+                    );
+                }
+            }
         }
         self.to_host.extend(bytes);
         self.to_host.truncate(LINE_BUFFER);
@@ -177,8 +217,12 @@ impl World {
         let (position_w, rotation_wr) = self.simulation.captured_pose();
         let arrival = time + CAPTURE_LATENCY * (1.0 + 0.5 * self.random.uniform());
         let mut pose = Some(PoseSample { time, arrival, position_w, rotation_wr, tracking_valid: true });
-        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
-            pose = pose.and_then(|pose| injection.spoil_pose(pose, &mut self.random));
+        for (injection, active) in self.injections.iter().zip(&mut self.active).filter(|(_, a)| a.on) {
+            for act in injection.kind.acts() {
+                if let Act::Pose(spoil) = act {
+                    pose = pose.and_then(|p| spoil(injection, p, &mut active.memory, &mut self.random));
+                }
+            }
         }
         self.poses.extend(pose);
     }
@@ -193,18 +237,56 @@ impl World {
         let input =
             WireInput { time, bytes: &self.to_host[..count], poses: &poses, command, host: self.host };
         self.linked.tick(&input, &mut self.out);
-        self.disk.record(&self.out, self.is_active(Kind::DiskSlow));
+        let stands_still = self.lasts(|act| matches!(act, Act::Disk));
+        self.disk.record(&self.out, stands_still);
         self.to_host.drain(..count);
-        let mut command = self.sent().to_vec();
-        for (injection, _) in self.injections.iter().zip(&self.active).filter(|(_, active)| **active) {
-            match injection.kind {
-                Kind::BitFlips => injection.flip_bits(&mut command, &mut self.random),
-                Kind::CommandsLost | Kind::Unplugged => command.clear(),
-                _ => {}
+        let command = self.sent().to_vec();
+        for (injection, active) in self.injections.iter().zip(&mut self.active) {
+            if std::mem::take(&mut active.stalls) {
+                self.stopped = periods(injection);
+            }
+        }
+        if self.stopped > 0 {
+            self.unsent = Some(command);
+        } else {
+            self.send(command);
+        }
+    }
+
+    /// Hands bytes to the vehicle.
+    fn send(&mut self, mut command: Vec<u8>) {
+        let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
+        for (injection, active) in self.injections.iter().zip(&mut self.active) {
+            let Memory { imu, sent, .. } = &mut active.memory;
+            for act in injection.kind.acts() {
+                if let Act::Sent(spoil) = act {
+                    let random = &mut self.random;
+                    pass(
+                        active.on,
+                        spoil,
+                        injection,
+                        Bytes { bytes: &mut command, held: sent, imu, random, now, rotors },
+                    );
+                }
             }
         }
         let mut answer = Vec::new();
         self.simulation.receive(&command, &mut answer);
         self.to_host.extend(answer);
+    }
+}
+
+/// Periods for which a stopped program does not run: 5 to 500 ms.
+fn periods(injection: &Injection) -> u64 {
+    (2.5 + 247.5 * injection.strength) as u64
+}
+
+/// Lets a fault that lasts change the bytes; what one that is over held back goes on first.
+fn pass(on: bool, spoil: &fn(&Injection, &mut Bytes<'_>), injection: &Injection, mut line: Bytes<'_>) {
+    if on {
+        spoil(injection, &mut line);
+    } else if !line.held.is_empty() {
+        let held: Vec<u8> = line.held.drain(..).flat_map(|(_, bytes)| bytes).collect();
+        line.bytes.splice(0..0, held);
     }
 }

@@ -1,0 +1,63 @@
+"""Finds how an experiment is judged: by a module of its name, beside its file or in this package."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+from tilthex.experiments.judge import Figures, Flights, Judge
+from tilthex.experiments.record import Check, Record
+from tilthex.experiments.report import overview
+from tilthex.experiments.spec import Experiment, Run, built_in
+
+HERE = Path(__file__).parent
+
+
+def judge_of(experiment: Experiment) -> Judge:
+    """How an experiment is judged.
+
+    A module that is called like the experiment (`-` as `_`) and stands beside its file judges it,
+    with a `Judge` called `JUDGE`; a built-in experiment has its module in this package. Without a
+    module nothing is judged, and the report shows every flight.
+
+    Raises:
+        ValueError: The file names an experiment that has no module, or the module has no `JUDGE`.
+    """
+    name = experiment.kind.replace("-", "_")
+    beside = experiment.folder / f"{name}.py"
+    if experiment.folder != HERE and beside.is_file():
+        return _judge(_from_file(name, beside), str(beside))
+    if experiment.kind in built_in():
+        return _judge(importlib.import_module(f"tilthex.experiments.{name}"), experiment.kind)
+    if experiment.kind_is_named:
+        raise ValueError(
+            f"experiment = {experiment.kind!r}: found neither {beside} nor a built-in experiment of "
+            f"that name; expected one of {', '.join(built_in())}, or a module beside the file"
+        )
+    return Judge(_no_checks, _overviews)
+
+
+def _judge(module: ModuleType, where: str) -> Judge:
+    judge = getattr(module, "JUDGE", None)
+    if not isinstance(judge, Judge):
+        raise ValueError(f"{where}: JUDGE is {judge!r}; expected a tilthex.experiments.judge.Judge")
+    return judge
+
+
+def _from_file(name: str, path: Path) -> ModuleType:
+    found = importlib.util.spec_from_file_location(name, path)
+    if found is None or found.loader is None:
+        raise ValueError(f"{path}: cannot be imported; expected a Python module")
+    module = importlib.util.module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+def _no_checks(run: Run, record: Record) -> list[Check]:
+    return []
+
+
+def _overviews(flights: Flights) -> Figures:
+    return {run.name: overview(record) for run, record in flights}
