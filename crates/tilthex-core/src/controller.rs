@@ -225,6 +225,12 @@ impl Controller {
             .all(|axis| possible(axis * least) && possible(-axis * least))
     }
 
+    /// The weight at the farthest rotor's distance, N m.
+    #[must_use]
+    pub fn weight_at_arm(&self) -> f64 {
+        self.scale.1
+    }
+
     /// Whether a wrench, of which only the size counts, is small enough to learn a bias beside it.
     #[must_use]
     pub fn is_small(&self, wrench: &Wrench) -> bool {

@@ -10,7 +10,7 @@ use crate::{
     admittance::AdmittanceState,
     supervisor::{
         Fault, FaultSet, Phase,
-        limits::{IMU_LATE, POSITION_DEVIATION},
+        limits::{IMU_LATE, POSE_LOST_LONG, POSITION_DEVIATION},
     },
     types::{RotorVector, Setpoint, Vector3},
 };
@@ -72,7 +72,9 @@ impl Flight {
         let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
         let weight = self.params.vehicle.weight();
         let deviation = if self.known.is_some() { 0.0 } else { self.estimator.health().position_deviation };
-        let height = self.bounds.height(&robot.position_w).filter(|_| deviation < POSITION_DEVIATION);
+        let age = if self.known.is_some() { 0.0 } else { self.estimator.health().position_age };
+        let placed = deviation < POSITION_DEVIATION && age < POSE_LOST_LONG && !self.capture.lies();
+        let height = self.bounds.height(&robot.position_w).filter(|_| placed);
         let seen = landing::Seen {
             missing: weight - (thrust_w + bias_w).z,
             observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)

@@ -113,6 +113,10 @@ impl Landing {
             return self.force(seen, weight, dt);
         }
         self.carried = None;
+        if seen.toppled || seen.adrift {
+            self.unloading = None;
+            return Verdict::On(FREE);
+        }
         let elsewhere = seen.above.is_some_and(|above| above > 0.0);
         let Some(mut unloading) = self.unloading else {
             if self.blocked(seen, weight, elsewhere, dt) {

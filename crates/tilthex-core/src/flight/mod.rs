@@ -8,11 +8,13 @@
 mod actuation;
 mod airborne;
 mod bounds;
+mod capture;
 mod descent;
 mod guidance;
 mod io;
 mod landing;
 mod late;
+mod lift_off;
 mod record;
 mod rotors;
 mod sensing;
@@ -37,9 +39,11 @@ use crate::{
     types::{RotorVector, Setpoint, Vector3},
 };
 use bounds::Bounds;
+use capture::CaptureWatch;
 use guidance::Guidance;
 use landing::{FREE, Landing, Lift};
 use late::Pending;
+use lift_off::LiftOff;
 use rotors::RotorModel;
 use stopped::StoppedWatch;
 use thrust::ThrustWatch;
@@ -105,6 +109,8 @@ pub struct Flight {
     /// What the rotors carry at least and at most while the reference does not yield.
     lift: Lift,
     bounds: Bounds,
+    capture: CaptureWatch,
+    lift_off: LiftOff,
     thrust: ThrustWatch,
     stopped: StoppedWatch,
     /// Rotors that lift though their motors may say that they have stopped, a bit each.
@@ -158,6 +164,8 @@ impl Flight {
             landing: Landing::default(),
             lift: FREE,
             bounds: Bounds::default(),
+            capture: CaptureWatch::default(),
+            lift_off: LiftOff::default(),
             thrust: ThrustWatch::new(&vehicle),
             stopped: StoppedWatch::default(),
             lifting: 0,
@@ -278,6 +286,8 @@ impl Flight {
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         self.watch_bounds(before, &mut conditions, dt);
+        let contradiction = self.watch_capture(before, &mut conditions);
+        let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
@@ -286,6 +296,7 @@ impl Flight {
             touchdown: self.descend(input, rotor_speeds, dt),
             take_off: self.take_off,
             kill: self.kill,
+            abort,
         };
         let tracked = !self.supervisor.active().contains(Fault::TrackingError);
         let phase = self.supervisor.step(conditions, &facts, dt);
@@ -313,6 +324,8 @@ impl Flight {
                 self.control = ControllerState::default();
                 let robot = self.robot_state();
                 self.bounds.begin(&robot.position_w, true);
+                self.capture.take_off(&self.estimator.navigation());
+                self.lift_off.begin();
                 self.guidance.begin_take_off(&robot, self.params.vehicle.tool());
             }
             Phase::Landing => self.begin_landing(before),

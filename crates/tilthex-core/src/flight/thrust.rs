@@ -20,6 +20,8 @@ const LEAST: f64 = 0.05;
 /// At the end of a trial a push has kept this part of its wrench; one that has fallen to this is over.
 const KEPT: f64 = 0.5;
 const OVER: f64 = 0.3;
+/// A rotor that has failed a trial is lost where it fails another one that begins within this time, s.
+const AGAIN: f64 = 0.5;
 /// A rotor whose motor says that it has stopped lifts where this part of its wrench is there all the same.
 const LIFTS: f64 = 0.5;
 
@@ -39,6 +41,8 @@ pub(super) struct ThrustWatch {
     suspect: Option<usize>,
     since: f64,
     trial: Option<Case>,
+    /// It failed a trial, so long ago, s: a push that ended meanwhile looks the same.
+    failed: Option<Case>,
     /// A push at this rotor's arm lasts.
     acquitted: Option<Case>,
     lost: u16,
@@ -48,7 +52,7 @@ impl ThrustWatch {
     /// Nothing suspected yet.
     pub(super) fn new(vehicle: &Vehicle) -> Self {
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(1e-3, f64::max);
-        Self { arm, suspect: None, since: 0.0, trial: None, acquitted: None, lost: 0 }
+        Self { arm, suspect: None, since: 0.0, trial: None, failed: None, acquitted: None, lost: 0 }
     }
 
     /// Bit `i` is set where rotor `i` (from 0) is to stand still, so that it can be told.
@@ -72,11 +76,15 @@ impl ThrustWatch {
             self.trial = Some(case).filter(|case| case.time < THRUST_TRIAL);
             if self.trial.is_none() && along(case.rotor) > KEPT * case.missing {
                 self.acquitted = Some(case);
-            } else if self.trial.is_none() {
+            } else if self.trial.is_none() && self.failed.take().is_some_and(|f| f.rotor == case.rotor) {
                 self.lost |= 1 << case.rotor;
+            } else if self.trial.is_none() {
+                self.failed = Some(Case { time: 0.0, ..case });
             }
             return self.lost;
         }
+        self.failed = self.failed.map(|case| Case { time: case.time + dt, ..case });
+        self.failed = self.failed.filter(|case| case.time < AGAIN);
         let known = |rotor: &usize| {
             self.lost >> rotor & 1 == 1 || self.acquitted.is_some_and(|case| case.rotor == *rotor)
         };

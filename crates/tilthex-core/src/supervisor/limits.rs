@@ -24,12 +24,28 @@ pub const STOPPED: f64 = 0.5;
 pub const THRUST_MISSING: f64 = 0.6;
 /// The same rotor is suspected to have no thrust for so long, s.
 pub const THRUST_AFTER: f64 = 0.06;
-/// Then it is tried: it stands still for so long, s.
-pub const THRUST_TRIAL: f64 = 0.15;
+/// Then it is tried, twice: it stands still for so long, s.
+pub const THRUST_TRIAL: f64 = 0.12;
 /// A motor that says it has stopped is believed after so long, unless its rotor lifts, s.
 pub const STOPPED_AFTER: f64 = 0.06;
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 pub const ADRIFT_SPEED: f64 = 1.0;
+/// The same pose to the bit for longer than this is no pose, s.
+pub const POSE_FROZEN: f64 = 0.1;
+/// The motion by the IMU alone is compared with that of the poses over so long, s.
+pub const CAPTURE_WINDOW: f64 = 1.0;
+/// The first one after take-off over so long, s.
+pub const RECKONED_FIRST: f64 = 2.0;
+/// They agree within this, m and m/s.
+pub const CAPTURE_AGREES: (f64, f64) = (0.12, 0.25);
+/// Up to this height above the ground a lift-off that goes wrong ends with the motors' stop, m.
+pub const LIFT_OFF: f64 = 0.3;
+/// A lift-off is watched for so long at the most, s.
+pub const LIFT_OFF_TIME: f64 = 3.0;
+/// In it a good vehicle leaves its attitude by less than this, degrees.
+pub const LIFT_OFF_TILT: f64 = 9.0;
+/// And its place by less than this, m.
+pub const LIFT_OFF_ASIDE: f64 = 0.1;
 /// A pose that is older than this is late, s.
 pub const POSE_LATE: f64 = 0.05;
 /// Without a usable pose for longer than this the pose is lost, s.

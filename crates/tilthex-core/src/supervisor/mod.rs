@@ -1,7 +1,7 @@
 //! The supervisor: which phase the flight is in, and what a fault does to it.
 //!
-//! In flight the worst reaction is to land; motors stop only on the ground or
-//! on the operator's explicit kill.
+//! In flight the worst reaction is to land; motors stop only on the ground, on the operator's explicit kill, or
+//! where a lift-off goes wrong, while that is the gentle thing.
 
 pub mod faults;
 pub mod limits;
@@ -68,6 +68,8 @@ pub struct Facts {
     pub take_off: bool,
     /// The operator's explicit kill.
     pub kill: bool,
+    /// What goes wrong just after lift-off, where it is gentler to stop the motors than to fly on.
+    pub abort: Option<Fault>,
 }
 
 /// What the supervisor remembers.
@@ -161,6 +163,12 @@ impl Supervisor {
             self.phase = Phase::Disarmed;
             return self.phase;
         }
+        if let Some(fault) = facts.abort.filter(|_| self.phase.in_flight()) {
+            self.landed = true;
+            self.ended_by = Some(fault);
+            self.phase = Phase::Disarmed;
+            return self.phase;
+        }
         let before = self.phase;
         self.phase = match before {
             Phase::Disarmed if self.landed => Phase::Disarmed,
@@ -243,6 +251,7 @@ mod tests {
         touchdown: false,
         take_off: true,
         kill: false,
+        abort: None,
     };
 
     fn flying() -> Supervisor {

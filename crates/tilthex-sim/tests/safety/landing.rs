@@ -45,10 +45,10 @@ fn a_landing_first_backs_away_from_what_the_tool_touches() {
 #[test]
 fn motors_never_stop_in_the_air_whatever_pushes() {
     let model = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
-    let mass = model.vehicle.vehicle().mass();
+    let mass = model.vehicle().vehicle().mass();
     for seed in 300..324 {
         let mut random = Random::new(seed);
-        let drawn = TruthSection::named("measured").unwrap().draw(&model.vehicle, seed).unwrap();
+        let drawn = TruthSection::named("measured").unwrap().draw(model.vehicle(), seed).unwrap();
         let believed = [1.0, 0.8, 1.2][seed as usize % 3] * mass;
         let text = format!("[vehicle]\npreset = \"tilt-hex\"\nmass = {believed}\n");
         let config = Config::from_text(&text, Path::new("")).unwrap();
@@ -71,7 +71,7 @@ fn motors_never_stop_in_the_air_whatever_pushes() {
 #[test]
 fn a_tool_that_stands_below_the_feet_does_not_stop_motors_in_the_air() {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
-    let drawn = TruthSection::named("exact").unwrap().draw(&config.vehicle, 31).unwrap();
+    let drawn = TruthSection::named("exact").unwrap().draw(config.vehicle(), 31).unwrap();
     let plant = drawn.plant().unwrap();
     let leg = (-plant.vehicle().tool().position_r.z - 0.1).max(0.12);
     let mut world = World::of(&config, plant, SensorParams::EXPERIMENTS, Some(leg), 31);

@@ -4,7 +4,9 @@
 #![allow(clippy::unwrap_used)]
 
 mod bias;
+mod capture;
 mod landing;
+mod lift_off;
 mod line;
 mod rig;
 mod rotors;

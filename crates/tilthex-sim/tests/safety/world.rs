@@ -48,7 +48,7 @@ impl World {
     /// Of a set-up's text, on the ground; the vehicle is drawn by a truth and a seed.
     pub(crate) fn new(text: &str, truth: &str, seed: u64) -> Self {
         let config = Config::from_text(text, Path::new("")).unwrap();
-        let drawn = TruthSection::named(truth).unwrap().draw(&config.vehicle, seed).unwrap();
+        let drawn = TruthSection::named(truth).unwrap().draw(config.vehicle(), seed).unwrap();
         let plant = drawn.plant().unwrap();
         Self::of(&config, plant, drawn.sensors(&SensorParams::EXPERIMENTS), None, seed)
     }
