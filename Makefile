@@ -86,6 +86,7 @@ python-test: install
 	python -m pytest
 
 bench: install
+	$(BIN)/pip install --quiet --disable-pip-version-check '.[bench]'
 	python -m benchmarks
 	cargo bench --locked --quiet -p tilthex-core -p tilthex-sim --bench ukf --bench allocation --bench control
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import tilthex
 
-from benchmarks import allocation, ukf
+from benchmarks import allocation, instructions, ukf
 from benchmarks import numpy_controller as plain
 
 ROUNDS = 7
@@ -56,6 +56,27 @@ def rust_run(duration: float, **options: object) -> np.ndarray:
     return run["tool_position"][-1]
 
 
+def compiled_row(r: np.ndarray, zero: np.ndarray, up: np.ndarray, speeds: np.ndarray) -> None:
+    """The tick in Rust beside a plain loop of the same laws compiled with numba."""
+    try:
+        from benchmarks import numba_controller
+    except ImportError:
+        print("controller tick beside a numba loop: left out, there is no numba (pip install '.[bench]')")
+        return
+    ticked = (START, zero, r, zero, up, speeds, HOME.position, r, 0.002)
+    looped, reference = numba_controller.Controller(VEHICLE, *SHAPE), plain.Controller(VEHICLE, *SHAPE)
+    for _ in range(100):
+        apart = np.abs(looped.step(*ticked) - reference.step(*ticked)).max()
+        if not apart < 1e-9:
+            raise SystemExit(f"the numba loop and NumPy differ by {apart:.1e} Hz; expected the same laws")
+    count = 100_000
+    loop = best(lambda: looped.ticks(count, *ticked), 1) / count
+    instructions.build()
+    ours = instructions.microseconds("controller tick")
+    name = "controller tick, compiled (beside numba, Euler)"
+    print(f"{name:48s} {ours:10.2f} {loop:10.2f} {loop / ours:10.2f}")
+
+
 def main() -> None:
     # The two must do the same work before their times mean anything.
     apart = np.linalg.norm(numpy_run(10.0) - rust_run(10.0, estimator=False))
@@ -82,6 +103,7 @@ def main() -> None:
         ),
         best(lambda: reference.step(START, zero, r, zero, up, speeds, HOME.position, r, 0.002), 200),
     )
+    compiled_row(r, zero, up, speeds)
     steps = 5000
     numpy_step = best(lambda: numpy_run(0.4), 1) / 200
     row(

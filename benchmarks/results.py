@@ -57,6 +57,7 @@ PAGES = (
         "The allocator against quadprog",
         ("python -m benchmarks.lexicographic 10000",),
     ),
+    Page("instructions", "Instructions of a step", ("python -m benchmarks.instructions",)),
     Page(
         "campaign",
         "The fault campaign",

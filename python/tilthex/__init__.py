@@ -32,6 +32,7 @@ from tilthex._core import (
     Vehicle,
     WrenchObserver,
     __version__,
+    calibration_flight,
 )
 from tilthex.client import Flight, OrderRefused, connect
 from tilthex.simulation import Run, simulate
@@ -63,6 +64,7 @@ __all__ = [
     "Vehicle",
     "WrenchObserver",
     "__version__",
+    "calibration_flight",
     "connect",
     "simulate",
     "so3",

@@ -34,6 +34,7 @@ TOPICS = {
     "/rotors": "Rotors",
     "/flight": "Flight",
     "/link": "Link",
+    "/model": "Model",
     "/timing": "Timing",
     "/input": "Input",
     "/output": "Output",

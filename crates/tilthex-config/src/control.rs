@@ -48,7 +48,7 @@ section! {
         mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]) => "kg and kg m^2" by "set_admittance",
         /// D_E.
         damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]) => "N s/m and N m s/rad" by "set_admittance",
-        /// K_E.
+        /// K_E. The rotational spring has a potential where no rotational stiffness is larger than the sum of the two others.
         stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]) => "N/m and N m/rad" by "set_admittance",
         /// Tool forces up to this do not move the reference.
         force_dead_zone: f64 = 0.2 => "N" from 0.0 to 100.0,
@@ -201,4 +201,20 @@ pub(super) fn controller_params(
     // What is left to refuse is the filter, the dead zones and the torque towards more room.
     Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
     Ok(params)
+}
+
+/// What a rotational spring without a potential means.
+pub(super) fn spring_warning(params: &ControllerParams) -> Option<String> {
+    let filter = AdmittanceFilter::new(params.admittance).ok()?;
+    let k = params.admittance.stiffness;
+    (!filter.has_potential()).then(|| {
+        format!(
+            "[{}] stiffness: the rotational part, of diagonal {}, {} and {} N m/rad, has no potential: a tool that is led \
+             around gains energy from it; expected each at most the sum of the two others",
+            AdmittanceSection::NAME,
+            k[(3, 3)],
+            k[(4, 4)],
+            k[(5, 5)]
+        )
+    })
 }

@@ -1,9 +1,10 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, SupervisorSection};
+use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, SupervisorSection, section};
 use tilthex_core::{
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, WatchParams},
+    model_learning::Calibration,
     trajectory::Limits,
 };
 use tilthex_link::{LinkKind, LinkParams, LinkedParams, tk3::ImuScales};
@@ -23,11 +24,17 @@ impl Config {
     /// # Errors
     /// The section and the key that can not be.
     pub fn flight_params(&self, take_off: bool) -> Result<FlightParams, ConfigError> {
+        let guidance = self.mission.params()?;
+        if guidance.calibration == Calibration::Tilts && self.vehicle.vehicle().rank() < 6 {
+            return Err(ConfigError::new(
+                "[mission]: calibration is \"tilts\"; expected \"hover\" or \"none\": this vehicle hovers in one attitude",
+            ));
+        }
         let params = FlightParams {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            guidance: self.mission.params(),
+            guidance,
             watch: self.supervisor.params(),
             take_off,
         };
@@ -122,14 +129,22 @@ impl MissionSection {
         }
     }
 
-    fn params(&self) -> GuidanceParams {
-        GuidanceParams {
+    fn calibration(&self) -> Result<Calibration, ConfigError> {
+        let known = Calibration::ALL.iter().map(|c| c.name());
+        section::check_known("calibration", &self.calibration, known)
+            .map_err(|e| e.within("[mission] calibration"))?;
+        Ok(Calibration::from_name(&self.calibration).unwrap_or_default())
+    }
+
+    fn params(&self) -> Result<GuidanceParams, ConfigError> {
+        Ok(GuidanceParams {
             take_off_height: self.take_off_height,
             bias_time: self.bias_time,
+            calibration: self.calibration()?,
             limits: self.limits(),
             landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
-        }
+        })
     }
 }
 

@@ -199,11 +199,13 @@ impl Config {
         &self.controller
     }
 
-    /// One sentence for each pair of blocks whose poles are too close, and for numbers that are likely in another unit.
+    /// One sentence for each pair of blocks whose poles are too close, for a spring without a potential, and for
+    /// numbers that are likely in another unit.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = plausible::questions(self.vehicle.vehicle());
         warnings.extend(time_scales::warnings(&self.controller));
+        warnings.extend(control::spring_warning(&self.controller));
         warnings
     }
 }

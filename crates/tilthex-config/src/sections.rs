@@ -28,7 +28,7 @@ section! {
 section! {
     /// Motion capture.
     pub MocapSection as "mocap" {
-        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY" or "vrpn://HOST/TRACKER"; empty for none.
+        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY", "vrpn://HOST/TRACKER" or "udp://SENDER/BODY"; empty for none.
         uri: String = String::new(),
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),
@@ -45,6 +45,10 @@ section! {
         take_off_height: f64 = 0.6 => "m" from 0.05 to 100.0,
         /// Time of the first hover in which the observer's bias is learnt; 0 for none.
         bias_time: f64 = 2.0 => "s" from 0.0 to 60.0,
+        /// What is flown at the first hover to learn the model from, without contact: "none", "hover" (level) or
+        /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). What is learnt takes the
+        /// place of the bias.
+        calibration: String = "none".into(),
         /// Largest velocity on the way to a way-point.
         max_velocity: f64 = 0.4 => "m/s" from 1e-3 to 10.0,
         /// Largest acceleration on the way to a way-point.

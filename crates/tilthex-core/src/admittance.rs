@@ -5,6 +5,10 @@
 //! the reference yields in the direction of the push. The paper prints d - r
 //! in (27)-(28), which would move against it.
 
+mod motion;
+mod propagator;
+mod spring;
+
 use crate::{
     Error,
     error::check_range,
@@ -12,6 +16,9 @@ use crate::{
     types::{Matrix3, Matrix6, Reference, Setpoint, Vector3, Vector6, Wrench},
     vehicle::Mounting,
 };
+use motion::{Linear, Motion};
+use propagator::Block;
+use spring::{Spring, join};
 
 /// Mass, damping and stiffness at the tool (world axes; translation first), and limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,15 +56,46 @@ impl AdmittanceParams {
 }
 
 /// The admittance filter.
+///
+/// ```
+/// use tilthex_core::{
+///     Matrix3, Matrix6, Setpoint, Vector3, Wrench,
+///     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
+/// };
+///
+/// let filter = AdmittanceFilter::new(AdmittanceParams {
+///     mass: Matrix6::identity() * 1.5,
+///     damping: Matrix6::identity() * 10.0,
+///     stiffness: Matrix6::identity() * 6.0,
+///     max_translation: 1.0,
+///     max_rotation: 1.0,
+/// })?;
+/// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+/// let push = Wrench { force: Vector3::new(1.2, 0.0, 0.0), torque: Vector3::zeros() };
+/// let mut state = AdmittanceState::default();
+/// let mut yielded = filter.step(&mut state, &setpoint, &push, 0.002);
+/// for _ in 0..10_000 {
+///     yielded = filter.step(&mut state, &setpoint, &push, 0.002);
+/// }
+/// // 1.2 N against a spring of 6 N/m: 0.2 m.
+/// assert!((yielded.reference.position_w.x - 0.2).abs() < 1e-6);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdmittanceFilter {
     params: AdmittanceParams,
-    mass_inverse: Matrix6,
-    /// M^-1 D and M^-1 K.
-    damping_rate: Matrix6,
-    stiffness_rate: Matrix6,
-    /// Bounds the fastest mode, 1/s: sets the number of sub-steps.
-    fastest: f64,
+    spring: Spring,
+    law: Law,
+    /// Trace of the rotation whose angle is the limit.
+    least_trace: f64,
+}
+
+/// The linear part: most often no axis acts on another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[expect(clippy::large_enum_variant, reason = "one a filter, and nothing is allocated")]
+enum Law {
+    Diagonal(Linear<Vector6>),
+    Full(Linear<Matrix6>),
 }
 
 /// The deviation of the reference from the set-point.
@@ -103,17 +141,13 @@ pub struct AdmittanceOutput {
     pub limited: bool,
 }
 
-/// Most sub-steps of one call; beyond them the period is too long for the parameters.
-const MAX_SUB_STEPS: usize = 24;
-/// Sub-step times fastest rate: one Runge-Kutta sub-step errs by at most 3e-6 of the fastest mode.
-const SUB_STEP: f64 = 0.2;
-
+/// Faster filters, 1/s, are refused: nothing that they ask for is a motion.
+const FASTEST: f64 = 1e9;
 impl AdmittanceFilter {
-    /// Checks the parameters.
+    /// Checks the parameters, and prepares for periods near 2 ms.
     ///
     /// # Errors
-    /// Names the matrix that is not finite, symmetric or definite, or the
-    /// limit out of range; a filter too fast for `MAX_SUB_STEPS` at 500 Hz is refused.
+    /// Names the matrix that is not finite, symmetric or definite, or the limit out of range.
     pub fn new(params: AdmittanceParams) -> Result<Self, Error> {
         check_matrix("admittance mass", &params.mass, 1e-9)?;
         check_matrix("admittance damping", &params.damping, 0.0)?;
@@ -122,17 +156,49 @@ impl AdmittanceFilter {
         check_range("max_rotation", params.max_rotation, 0.0, 3.1)?;
         let singular = Error::NotPositiveDefinite { name: "admittance mass", smallest_eigenvalue: 0.0 };
         let mass_inverse = params.mass.try_inverse().ok_or(singular)?;
-        let damping_rate = mass_inverse * params.damping;
-        let stiffness_rate = mass_inverse * params.stiffness;
+        let (damping_rate, stiffness_rate) = (mass_inverse * params.damping, mass_inverse * params.stiffness);
         let fastest = rate_bound(&damping_rate, &stiffness_rate);
-        check_range("fastest rate of the admittance filter (1/s)", fastest, 0.0, 2400.0)?;
-        Ok(Self { params, mass_inverse, damping_rate, stiffness_rate, fastest })
+        check_range("fastest rate of the admittance filter (1/s)", fastest, 0.0, FASTEST)?;
+        let diagonal = [&params.mass, &params.damping, &params.stiffness].iter().all(|m| is_diagonal(m));
+        let law = if diagonal {
+            let [m, i, d, k] =
+                [&params.mass, &mass_inverse, &damping_rate, &stiffness_rate].map(Matrix6::diagonal);
+            Law::Diagonal(Linear::new(m, i, d, k, fastest))
+        } else {
+            Law::Full(Linear::new(params.mass, mass_inverse, damping_rate, stiffness_rate, fastest))
+        };
+        let spring = Spring::new(&params.stiffness);
+        Ok(Self { params, spring, law, least_trace: 1.0 + 2.0 * libm::cos(params.max_rotation) })
     }
 
     /// The parameters.
     #[must_use]
     pub fn params(&self) -> &AdmittanceParams {
         &self.params
+    }
+
+    /// Prepares for steps of about `period` seconds, if it is not: others cost several times as much.
+    pub fn prepare(&mut self, period: f64) {
+        match &mut self.law {
+            Law::Diagonal(law) => law.prepare(period),
+            Law::Full(law) => law.prepare(period),
+        }
+    }
+
+    /// Whether the rotational spring has a potential. It has not where one rotational stiffness is
+    /// larger than the sum of the two others: a turn that ends where it began may gain energy.
+    #[must_use]
+    pub fn has_potential(&self) -> bool {
+        self.spring.has_potential()
+    }
+
+    /// Energy of the deviation, J: that of its motion and, where the spring [has a
+    /// potential](Self::has_potential), what is stored in it. Without a push, at a set-point that
+    /// does not turn, it never grows.
+    #[must_use]
+    pub fn energy(&self, state: &AdmittanceState) -> f64 {
+        let moving = 0.5 * state.twist_w.dot(&(self.params.mass * state.twist_w));
+        moving + self.spring.energy(&state.translation_w, &state.rotation)
     }
 
     /// Moves the reference on by `dt` seconds under the wrench `what_E + w_user`
@@ -144,18 +210,33 @@ impl AdmittanceFilter {
         wrench_w: &Wrench,
         dt: f64,
     ) -> AdmittanceOutput {
-        let push = self.mass_inverse * wrench_w.to_vector();
-        let wanted = libm::ceil(dt * self.fastest / SUB_STEP);
-        let steps = if wanted > 1.0 { wanted.min(MAX_SUB_STEPS as f64) } else { 1.0 };
-        for _ in 0..steps as usize {
-            self.runge_kutta(state, setpoint, &push, dt / steps);
+        match &self.law {
+            Law::Diagonal(law) => self.step_by(law, state, setpoint, wrench_w, dt),
+            Law::Full(law) => self.step_by(law, state, setpoint, wrench_w, dt),
+        }
+    }
+
+    fn step_by<B: Block>(
+        &self,
+        law: &Linear<B>,
+        state: &mut AdmittanceState,
+        setpoint: &Setpoint,
+        wrench_w: &Wrench,
+        dt: f64,
+    ) -> AdmittanceOutput {
+        let motion = Motion {
+            law,
+            spring: &self.spring,
+            push: law.mass_inverse.apply(&wrench_w.to_vector()),
+            setpoint_velocity_w: setpoint.angular_velocity_w,
+        };
+        if dt > 0.0 {
+            motion.advance(state, dt);
         }
         let limits = self.hold_back(state);
-        let limited = limits.iter().any(Option::is_some);
-        let dv = self.acceleration(&deviation(state), &state.twist_w, &push);
-        let (v, w) = halves(&state.twist_w);
-        let (a, alpha) = halves(&dv);
+        let (a, alpha) = halves(&motion.acceleration(state, &motion.strained(state)));
         let [a, alpha] = [without_outward(a, limits[0]), without_outward(alpha, limits[1])];
+        let (v, w) = halves(&state.twist_w);
         AdmittanceOutput {
             reference: Setpoint {
                 position_w: setpoint.position_w + state.translation_w,
@@ -166,47 +247,9 @@ impl AdmittanceFilter {
                 angular_acceleration_w: setpoint.angular_acceleration_w + alpha,
                 wrench_w: setpoint.wrench_w,
             },
-            deviation_w: deviation(state),
-            limited,
+            deviation_w: join(&state.translation_w, &so3::vee(&state.rotation)),
+            limited: limits.iter().any(Option::is_some),
         }
-    }
-
-    fn acceleration(&self, e: &Vector6, twist: &Vector6, push: &Vector6) -> Vector6 {
-        push - self.damping_rate * twist - self.stiffness_rate * e
-    }
-
-    /// One fourth-order Runge-Kutta-Munthe-Kaas step.
-    fn runge_kutta(&self, state: &mut AdmittanceState, setpoint: &Setpoint, push: &Vector6, h: f64) {
-        let start = *state;
-        // (translation, rotation vector from the start) and twist, and their rates.
-        let rates = |move_by: &Vector6, twist: &Vector6| -> (Vector6, Vector6, AdmittanceState) {
-            let (translation, turn) = halves(move_by);
-            let moved = AdmittanceState {
-                translation_w: start.translation_w + translation,
-                rotation: so3::exp(&turn) * start.rotation,
-                twist_w: *twist,
-            };
-            let (v, w) = halves(twist);
-            // d(R_r R_d^T)/dt = hat(omega_r - Q omega_d) Q, Q the deviation itself.
-            let turning = w + setpoint.angular_velocity_w - moved.rotation * setpoint.angular_velocity_w;
-            // Inverse of the exponential's derivative; the rest is of fourth order in `turn`.
-            let c = turn.cross(&turning);
-            let rate = turning - 0.5 * c + turn.cross(&c) / 12.0;
-            let move_rate = Vector6::new(v.x, v.y, v.z, rate.x, rate.y, rate.z);
-            (move_rate, self.acceleration(&deviation(&moved), twist, push), moved)
-        };
-        let t0 = start.twist_w;
-        let (m1, a1, _) = rates(&Vector6::zeros(), &t0);
-        let (m2, a2, _) = rates(&(0.5 * h * m1), &(t0 + 0.5 * h * a1));
-        let (m3, a3, _) = rates(&(0.5 * h * m2), &(t0 + 0.5 * h * a2));
-        let (m4, a4, _) = rates(&(h * m3), &(t0 + h * a3));
-        let moved = h / 6.0 * (m1 + 2.0 * m2 + 2.0 * m3 + m4);
-        let (translation, turn) = halves(&moved);
-        state.translation_w += translation;
-        // exp of a product drifts from SO(3) by rounding only: one Newton step removes it.
-        let rotation = so3::exp(&turn) * start.rotation;
-        state.rotation = rotation * (1.5 * Matrix3::identity() - 0.5 * rotation.transpose() * rotation);
-        state.twist_w += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
     }
 
     /// Keeps the excursion within its limits: back onto the sphere, without outward velocity.
@@ -214,11 +257,16 @@ impl AdmittanceFilter {
     fn hold_back(&self, state: &mut AdmittanceState) -> [Option<Vector3>; 2] {
         let (mut v, mut w) = halves(&state.twist_w);
         let translation = clamp(&mut state.translation_w, &mut v, self.params.max_translation);
-        let mut turn = so3::log(&state.rotation);
-        let rotation = clamp(&mut turn, &mut w, self.params.max_rotation);
+        let mut rotation = None;
+        if state.rotation.trace() < self.least_trace {
+            let mut turn = so3::log(&state.rotation);
+            rotation = clamp(&mut turn, &mut w, self.params.max_rotation);
+            if rotation.is_some() {
+                state.rotation = so3::exp(&turn);
+            }
+        }
         if translation.is_some() || rotation.is_some() {
-            state.rotation = so3::exp(&turn);
-            state.twist_w = Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z);
+            state.twist_w = join(&v, &w);
         }
         [translation, rotation]
     }
@@ -265,11 +313,6 @@ pub fn centre_of_mass_reference(tool_reference: &Setpoint, tool: &Mounting) -> R
     }
 }
 
-fn deviation(state: &AdmittanceState) -> Vector6 {
-    let (p, r) = (state.translation_w, so3::vee(&state.rotation));
-    Vector6::new(p.x, p.y, p.z, r.x, r.y, r.z)
-}
-
 fn halves(v: &Vector6) -> (Vector3, Vector3) {
     (v.fixed_rows::<3>(0).into_owned(), v.fixed_rows::<3>(3).into_owned())
 }
@@ -281,6 +324,10 @@ fn rate_bound(damping: &Matrix6, stiffness: &Matrix6) -> f64 {
         |m: &Matrix6| m.row_iter().map(|r| r.iter().map(|x| libm::fabs(*x)).sum::<f64>()).fold(0.0, f64::max);
     let (d, k) = (norm(damping), norm(stiffness));
     0.5 * (d + libm::sqrt(d * d + 4.0 * k))
+}
+
+fn is_diagonal(m: &Matrix6) -> bool {
+    (m - Matrix6::from_diagonal(&m.diagonal())).iter().all(|x| *x == 0.0)
 }
 
 fn check_matrix(name: &'static str, m: &Matrix6, least: f64) -> Result<(), Error> {

@@ -88,6 +88,20 @@ impl Default for AllocatorParams {
 }
 
 /// The allocator of one vehicle.
+///
+/// ```
+/// use tilthex_core::{Vector3, Wrench, allocation::{Allocator, Priority}, examples, vehicle::speeds};
+///
+/// let vehicle = examples::tilt_hex()?;
+/// let allocator = Allocator::new(&vehicle);
+/// let lift = |z: f64| Wrench { force: Vector3::new(0.0, 0.0, z), torque: Vector3::zeros() }.to_vector();
+/// let hover = allocator.allocate(&lift(vehicle.weight()));
+/// assert!(!hover.saturated && speeds(&hover.inputs)[0] > 16.0);
+/// // More than the rotors have: what is given up is named.
+/// let most = allocator.allocate(&lift(1000.0));
+/// assert_eq!(most.given_up, Some(Priority::VerticalForce));
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocator {
     matrix: Matrix,
@@ -174,6 +188,12 @@ impl Allocator {
             });
         }
         Ok(Self::build(vehicle, params))
+    }
+
+    /// The same for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::build(vehicle, self.params)
     }
 
     fn build(vehicle: &Vehicle, params: AllocatorParams) -> Self {
@@ -310,8 +330,8 @@ impl Allocator {
     fn ordered_inverse(&self) -> AllocationInverse {
         let mut inverse = AllocationInverse::zeros();
         let (mut lower, mut upper) = (RotorVector::zeros(), RotorVector::zeros());
-        lower.rows_mut(0, self.rotor_count).fill(f64::NEG_INFINITY);
-        upper.rows_mut(0, self.rotor_count).fill(f64::INFINITY);
+        lower.iter_mut().take(self.rotor_count).for_each(|x| *x = f64::NEG_INFINITY);
+        upper.iter_mut().take(self.rotor_count).for_each(|x| *x = f64::INFINITY);
         for (r, mut column) in inverse.column_iter_mut().enumerate() {
             let mut unit = Vector6::zeros();
             unit[r] = 1.0;

@@ -153,12 +153,22 @@ impl AttitudeSelector {
                 expected: "\"full\" or \"minimal-tilt\": this vehicle moves sideways only by tilting",
             });
         }
-        let section = ForceSection::new(vehicle, params.reserve);
         let filter = TurnFilter {
             limits: TurnLimits::of(vehicle),
             bandwidth: params.bandwidth,
             lag: vehicle.rotor_time_constant(),
         };
+        Ok(Self::with_filter(vehicle, params, filter))
+    }
+
+    /// The same for a vehicle whose model has been corrected; turns keep their limits.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::with_filter(vehicle, self.params, self.filter)
+    }
+
+    fn with_filter(vehicle: &Vehicle, params: AttitudeParams, filter: TurnFilter) -> Self {
+        let section = ForceSection::new(vehicle, params.reserve);
         let weight = vehicle.weight();
         let far = 1e3 * weight;
         let farthest = |z: f64| {
@@ -167,7 +177,7 @@ impl AttitudeSelector {
         };
         let vertical =
             ((LEAST_VERTICAL * weight).max(ABOVE_LEAST * farthest(-far)), MOST_VERTICAL * farthest(far));
-        Ok(Self { params, section, weight, vertical, filter })
+        Self { params, section, weight, vertical, filter }
     }
 
     /// The parameters.

@@ -1,5 +1,5 @@
 //! The bias of the wrench observer: its mean over a contact-free hover
-//! ("Practical Implementation" in the paper; control.md section 7).
+//! ("Practical Implementation" in the paper; docs/laws.md).
 
 use crate::types::{Matrix3, Wrench};
 

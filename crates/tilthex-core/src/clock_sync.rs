@@ -69,6 +69,21 @@ struct Anchor {
 }
 
 /// The offset of one remote clock, in constant memory.
+///
+/// ```
+/// use tilthex_core::clock_sync::{ClockParams, ClockSync};
+///
+/// let mut clock = ClockSync::new(ClockParams::default())?;
+/// // The other clock is 5 s behind; stamps arrive 1 to 4 ms late. The smallest delay is what cannot be seen.
+/// for k in 0..1000_u32 {
+///     let taken = 0.002 * f64::from(k);
+///     let delay = 1e-3 * f64::from(1 + k % 4);
+///     clock.step(taken, taken + 5.0 + delay);
+/// }
+/// let offset = clock.offset(2.0).expect("stamps came");
+/// assert!((offset - 5.001).abs() < 2e-4);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockSync {
     params: ClockParams,

@@ -93,6 +93,31 @@ pub struct ControllerState {
     pub allocator: AllocatorState,
 }
 
+impl ControllerState {
+    /// Goes over to another model of the vehicle without a jump of what the rotors are asked for: what the new
+    /// model explains of the present sample is no longer observed as an external wrench. A bias that was
+    /// learnt explained the same, and goes.
+    pub fn change_model(&mut self, before: &Vehicle, after: &Vehicle, now: &ObserverInput) {
+        let explained = |vehicle: &Vehicle| {
+            let given = vehicle.body_wrench(&now.rotor_speeds);
+            Wrench {
+                force: now.rotation_wr * (vehicle.mass() * now.specific_force_r - given.force),
+                torque: -given.torque,
+            }
+        };
+        let observed = self.observer.wrench + explained(after) - explained(before);
+        if observed.is_finite() {
+            self.observer.wrench = observed;
+        }
+        self.observer.forget_sample();
+        // The filter has seen what is no longer there.
+        let tool_w = tool_wrench(&self.observer.wrench, &now.rotation_wr, &after.tool().position_r);
+        self.low_pass.output = tool_w.to_vector();
+        self.bias_r = Wrench::ZERO;
+        self.bias_estimator = BiasEstimator::default();
+    }
+}
+
 /// What is known at the start of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerInput {
@@ -204,6 +229,24 @@ impl Controller {
         self.params.admittance = *filter.params();
         self.firm = AdmittanceFilter::new(AdmittanceParams::firm(filter.params())).unwrap_or(self.firm);
         self.admittance = filter;
+    }
+
+    /// The same laws for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self {
+            vehicle: *vehicle,
+            observer: self.observer.for_vehicle(vehicle),
+            room: self.room.as_ref().map(|room| room.for_vehicle(vehicle)),
+            attitude: self.attitude.for_vehicle(vehicle),
+            allocator: self.allocator.for_vehicle(vehicle),
+            ..*self
+        }
+    }
+
+    /// Prepares for ticks of about `period` seconds, if it is not: others take longer.
+    pub fn prepare(&mut self, period: f64) {
+        self.admittance.prepare(period);
     }
 
     /// Whether the vehicle can hover level and at rest without some rotors, and turn any way from

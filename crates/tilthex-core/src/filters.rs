@@ -1,5 +1,5 @@
 //! What stands between the observer and the admittance filter: a low-pass and
-//! a dead zone ("Practical Implementation" in the paper; control.md section 7).
+//! a dead zone ("Practical Implementation" in the paper; docs/laws.md).
 
 use crate::{
     Error,
@@ -9,6 +9,17 @@ use crate::{
 use core::f64::consts::TAU;
 
 /// A first-order low-pass on six numbers, discretised exactly for any period.
+///
+/// ```
+/// use tilthex_core::{Vector6, filters::{LowPass, LowPassState}};
+///
+/// let filter = LowPass::new(1.0)?;
+/// let (mut state, step) = (LowPassState::default(), Vector6::repeat(1.0));
+/// // After one time constant, 1/(2 pi f), the output has come 63 % of the way.
+/// let output = filter.step(&mut state, &step, 1.0 / std::f64::consts::TAU);
+/// assert!((output[0] - 0.632).abs() < 1e-3);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LowPass {
     rate: f64,

@@ -22,6 +22,23 @@ pub struct PoseGains {
 }
 
 /// The pose controller.
+///
+/// ```
+/// use tilthex_core::{Reference, RobotState, Vector3, pose_control::{PoseController, PoseGains}};
+///
+/// let gains = PoseGains {
+///     position: Vector3::repeat(100.0),
+///     velocity: Vector3::repeat(20.0),
+///     rotation: Vector3::repeat(225.0),
+///     angular_velocity: Vector3::repeat(30.0),
+/// };
+/// let controller = PoseController::new(gains)?;
+/// let here = RobotState::at_rest(Vector3::zeros());
+/// let there = Reference::hold(Vector3::new(0.1, 0.0, 0.0), here.rotation_wr);
+/// // 0.1 m of error, a gain of 100 1/s^2: 10 m/s^2.
+/// assert_eq!(controller.step(&here, &there).acceleration_w.x, 10.0);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseController {
     gains: PoseGains,

@@ -45,6 +45,16 @@ impl RotorRoom {
                 expected: "0: this vehicle hovers in one attitude, whatever its heading",
             });
         }
+        Ok(Self::with_torque(vehicle, largest))
+    }
+
+    /// The same for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::with_torque(vehicle, self.largest)
+    }
+
+    fn with_torque(vehicle: &Vehicle, largest: f64) -> Self {
         let mut slope = vehicle.allocation_inverse().fixed_columns::<3>(0) * vehicle.weight();
         let mut offset = [0.0; MAX_ROTORS];
         for (i, rotor) in vehicle.rotors().iter().enumerate() {
@@ -53,7 +63,7 @@ impl RotorRoom {
             slope.row_mut(i).scale_mut(1.0 / (upper - lower));
             offset[i] = -lower / (upper - lower);
         }
-        Ok(Self { largest, slope, offset, count: vehicle.rotor_count() })
+        Self { largest, slope, offset, count: vehicle.rotor_count() }
     }
 
     /// The room in a hover, parts of a rotor's range, and its derivative by a turn about `axis_w`, 1/rad.

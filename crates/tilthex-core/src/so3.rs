@@ -1,6 +1,15 @@
 //! Rotations: the maps between so(3), as 3-vectors, and SO(3), as matrices.
 //!
 //! Near 0 and near pi each map uses the form that keeps its full precision there.
+//!
+//! ```
+//! use tilthex_core::{Vector3, so3};
+//!
+//! let turn = Vector3::new(0.1, -0.2, 0.3);
+//! assert!((so3::log(&so3::exp(&turn)) - turn).norm() < 1e-12);
+//! let (a, b) = (Vector3::x(), Vector3::y());
+//! assert_eq!(so3::hat(&a) * b, a.cross(&b));
+//! ```
 
 use crate::{
     Error,

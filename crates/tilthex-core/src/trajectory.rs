@@ -44,6 +44,25 @@ pub struct Limits {
 }
 
 /// A checked trajectory of fixed size.
+///
+/// ```
+/// use tilthex_core::{Matrix3, Vector3, Wrench, trajectory::{Limits, Trajectory, Waypoint}};
+///
+/// let at = |x: f64| Waypoint {
+///     position_w: Vector3::new(x, 0.0, 1.0),
+///     rotation_we: Matrix3::identity(),
+///     wrench_w: Wrench::ZERO,
+///     duration: 0.0,
+///     hold: 1.0,
+/// };
+/// let limits = Limits { velocity: 0.5, acceleration: 1.0, angular_velocity: 0.5, angular_acceleration: 1.0 };
+/// let way = Trajectory::new(at(0.0), &[at(1.0)], &limits)?;
+/// // It is at rest at both ends, and never faster than the limit.
+/// assert_eq!(way.sample(0.5).velocity_w.norm(), 0.0);
+/// assert_eq!(way.sample(way.duration()).position_w.x, 1.0);
+/// assert!((0..1000).all(|k| way.sample(0.01 * f64::from(k)).velocity_w.norm() <= 0.5 + 1e-9));
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trajectory {
     start: Waypoint,

@@ -1,5 +1,6 @@
 //! The vehicle: mass, rotors, tool and IMU, and the allocation matrix; (3)-(10).
 
+mod corrected;
 mod rotor;
 
 use crate::{
@@ -8,6 +9,7 @@ use crate::{
     so3,
     types::{MAX_ROTORS, Matrix3, RotorVector, Vector3},
 };
+pub use corrected::Correction;
 use nalgebra::SMatrix;
 pub use rotor::{Rotor, TiltedHexarotor};
 use rotor::{check_rotor, column};
@@ -57,6 +59,19 @@ impl Actuation {
 }
 
 /// A validated vehicle. Fields are read, never written: build a new one instead.
+///
+/// ```
+/// use tilthex_core::{Matrix3, examples, vehicle::Actuation};
+///
+/// let vehicle = examples::tilt_hex()?;
+/// assert_eq!((vehicle.rotor_count(), vehicle.rank()), (6, 6));
+/// assert_eq!(vehicle.actuation(), Actuation::Pose);
+/// // The six rotors carry the weight, each with the same speed.
+/// let hover = vehicle.hover_speeds(&Matrix3::identity());
+/// let lift = vehicle.body_wrench(&hover).force.z;
+/// assert!((lift - vehicle.weight()).abs() < 1e-9);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vehicle {
     mass: f64,
@@ -310,7 +325,7 @@ pub(crate) mod tests {
     use super::*;
     use std::string::ToString;
 
-    /// The paper's table 1 with the published rotor figures (control.md section 9).
+    /// The paper's table 1 with the published rotor figures (docs/laws.md).
     pub(crate) fn tilt_hex() -> Vehicle {
         let hexarotor = TiltedHexarotor {
             arm: 0.39,

@@ -25,6 +25,32 @@ pub struct ObserverGains {
 }
 
 /// The observer of the external wrench.
+///
+/// ```
+/// use tilthex_core::{
+///     Matrix3, Vector3, examples,
+///     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState},
+/// };
+///
+/// let vehicle = examples::tilt_hex()?;
+/// let gains = ObserverGains { force: Vector3::repeat(30.0), torque: Vector3::repeat(30.0) };
+/// let observer = WrenchObserver::new(&vehicle, gains)?;
+/// let mut state = WrenchObserverState::default();
+/// // It hovers, but the accelerometer feels 1 m/s^2 less than the rotors give: something pulls down by the mass times that.
+/// let level = Matrix3::identity();
+/// let input = ObserverInput {
+///     rotation_wr: level,
+///     angular_velocity_r: Vector3::zeros(),
+///     specific_force_r: Vector3::new(0.0, 0.0, tilthex_core::GRAVITY - 1.0),
+///     rotor_speeds: vehicle.hover_speeds(&level),
+/// };
+/// let mut wrench = observer.step(&mut state, &input, 0.002);
+/// for _ in 0..1000 {
+///     wrench = observer.step(&mut state, &input, 0.002);
+/// }
+/// assert!((wrench.force.z + vehicle.mass()).abs() < 1e-6);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrenchObserver {
     gains: ObserverGains,
@@ -80,12 +106,17 @@ impl WrenchObserver {
                 check_range(name, *x, 1e-6, 1e5)?;
             }
         }
-        Ok(Self {
-            gains,
-            mass: vehicle.mass(),
-            inertia: *vehicle.inertia(),
-            allocation: *vehicle.allocation(),
-        })
+        Ok(Self::with_gains(vehicle, gains))
+    }
+
+    fn with_gains(vehicle: &Vehicle, gains: ObserverGains) -> Self {
+        Self { gains, mass: vehicle.mass(), inertia: *vehicle.inertia(), allocation: *vehicle.allocation() }
+    }
+
+    /// The same for a vehicle whose model has been corrected.
+    #[must_use]
+    pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
+        Self::with_gains(vehicle, self.gains)
     }
 
     /// The gains.

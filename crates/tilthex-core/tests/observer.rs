@@ -1,4 +1,4 @@
-//! The identities of the wrench observer (control.md section 5), on random vehicles.
+//! The identities of the wrench observer, on random vehicles.
 
 #![allow(clippy::unwrap_used)]
 

@@ -8,7 +8,7 @@
 //! One folder a link; [`tk3`] is the first. `docs/howto/link.md` says how a
 //! link is added: a folder, and its line in the `registry` module.
 //!
-//! `no_std`, no allocation, no unsafe.
+//! `no_std`, no allocation, no unsafe. The feature `board` adds the other end of each link, for simulated vehicles, which allocates.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -97,6 +97,8 @@ pub trait VehicleLink {
     fn part(&mut self, out: &mut Outgoing);
 }
 
+#[cfg(feature = "board")]
+extern crate alloc;
 #[cfg(test)]
 extern crate std;
 

@@ -10,6 +10,7 @@ pub mod echo_clock;
 pub mod natnet;
 #[cfg(feature = "net")]
 pub mod net;
+pub mod udp;
 pub mod vrpn;
 
 pub use axis::UpAxis;

@@ -167,7 +167,9 @@ impl AdmittanceFilter {
     #[pyo3(signature = (setpoint, wrench, dt=0.002))]
     fn step(&mut self, setpoint: &Setpoint, wrench: &Bound<'_, PyAny>, dt: f64) -> PyResult<Setpoint> {
         let wrench = convert::wrench("wrench", wrench)?;
-        let output = self.block.step(&mut self.state, &setpoint.0, &wrench, convert::period(dt)?);
+        let dt = convert::period(dt)?;
+        self.block.prepare(dt);
+        let output = self.block.step(&mut self.state, &setpoint.0, &wrench, dt);
         self.output = Some(output);
         Ok(Setpoint(output.reference))
     }

@@ -4,16 +4,19 @@ use crate::{
     config::Config,
     convert::{self, array1},
     setpoint::Setpoint,
+    vehicle::Vehicle,
 };
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::{exceptions::PyValueError, prelude::*, types::PyDict};
 use std::collections::VecDeque;
+use tilthex_config::VehicleSection;
 use tilthex_core::{
     RobotState,
     flight::{
         AirborneStart, Command, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured,
         Record, Telemetry,
     },
+    model_learning::{EXCITED, ModelDeviation},
     types::PoseSample,
 };
 
@@ -42,6 +45,7 @@ type ArrivedPose<'py> = (f64, f64, Bound<'py, PyAny>, Bound<'py, PyAny>);
 /// call a control period. It begins in the air and follows the set-points that it is given.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Loop {
+    configured: VehicleSection,
     flight: Box<Flight>,
     telemetry: Telemetry,
     commanded: Box<Commanded>,
@@ -60,6 +64,7 @@ impl Loop {
         params.guidance.max_setpoint_jump = f64::INFINITY;
         let count = params.vehicle.rotor_count();
         Ok(Self {
+            configured: config.checked.vehicle().clone(),
             flight: Box::new(Flight::new(params, None).map_err(convert::value_error)?),
             telemetry: Telemetry::new(count),
             commanded: Box::default(),
@@ -94,8 +99,11 @@ impl Loop {
     /// time: of the inertial sample, s. gyro, specific_force: (3,), rad/s and m/s^2, IMU axes.
     /// rotor_speeds: measured, (n,), Hz. poses: those that arrived since the last call, each
     /// (arrival, time, position, rotation). learn_bias: whether this is a contact-free hover whose
-    /// mean wrench is the bias; contact does not move the reference meanwhile.
-    #[pyo3(signature = (time, gyro, specific_force, rotor_speeds, poses, setpoint, *, learn_bias=false))]
+    /// mean wrench is the bias; contact does not move the reference meanwhile. learn_model: whether this is
+    /// the contact-free `calibration_flight`; after its last step what it showed takes the model's place.
+    #[pyo3(signature = (
+        time, gyro, specific_force, rotor_speeds, poses, setpoint, *, learn_bias=false, learn_model=false
+    ))]
     #[expect(clippy::too_many_arguments, reason = "one call a period")]
     fn step<'py>(
         &mut self,
@@ -107,6 +115,7 @@ impl Loop {
         poses: Vec<ArrivedPose<'py>>,
         setpoint: &Setpoint,
         learn_bias: bool,
+        learn_model: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let sample = Inertial {
             time,
@@ -125,13 +134,13 @@ impl Loop {
         }
         self.telemetry.begin_tick();
         self.telemetry.inertial.push(time, sample);
-        self.tick(py, time, rotor_speeds, setpoint, learn_bias, None)
+        self.tick(py, time, rotor_speeds, setpoint, (learn_bias, learn_model), None)
     }
 
     /// One control period without the estimator: as [`Controller.step`], for a state that is known.
     #[pyo3(signature = (
         time, *, position, velocity, rotation, angular_velocity, specific_force, rotor_speeds, setpoint,
-        learn_bias=false
+        learn_bias=false, learn_model=false
     ))]
     #[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
     fn step_from<'py>(
@@ -146,6 +155,7 @@ impl Loop {
         rotor_speeds: &Bound<'py, PyAny>,
         setpoint: &Setpoint,
         learn_bias: bool,
+        learn_model: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let robot = RobotState {
             position_w: convert::vector("position", position)?,
@@ -157,7 +167,7 @@ impl Loop {
         self.telemetry.begin_tick();
         self.telemetry.inertial.heard = time;
         let known = KnownState { robot, specific_force_r };
-        self.tick(py, time, rotor_speeds, setpoint, learn_bias, Some(known))
+        self.tick(py, time, rotor_speeds, setpoint, (learn_bias, learn_model), Some(known))
     }
 
     /// Phase of the flight after the last step: "flying", "holding", "landing", "emergency".
@@ -170,6 +180,59 @@ impl Loop {
     #[getter]
     fn faults(&self) -> Vec<&'static str> {
         self.flight.supervisor().active().rows().map(|row| row.name).collect()
+    }
+
+    /// The vehicle as the loop has it now: the configuration's, or what a calibration flight made of it.
+    #[getter]
+    fn model(&self) -> Vehicle {
+        if self.flight.model_hovers() == 0 {
+            return Vehicle { section: self.configured.clone() };
+        }
+        let name = format!("{}, calibrated", self.configured.name());
+        Vehicle { section: VehicleSection::of(&name, *self.flight.model()) }
+    }
+
+    /// Standard deviations of what is left of the model's errors: `mass`, `thrust` (n,) and `drag_moment` as parts
+    /// of the model's, `rotor_axis` (n,), rad, `centre_of_mass` (3,), m, robot, `accelerometer_bias` (3,), m/s^2 (what
+    /// the estimator leaves); `false_force`, N, and `false_torque` about the centre of mass, N m: the contact that
+    /// is seen where there is none, in hovers tilted by 15 degrees.
+    ///
+    /// `excited` says of each whether the flight told more than half of what the drawings left open (tuples and
+    /// arrays by their mean). `hovers`: how many the model was learnt from, 0 before a calibration flight.
+    #[getter]
+    fn model_deviation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let now = *self.flight.model_deviation();
+        let prior = ModelDeviation::prior(self.configured.vehicle());
+        let (keys, excited) = (PyDict::new(py), PyDict::new(py));
+        let numbers = |d: &ModelDeviation| {
+            [
+                ("mass", vec![d.mass]),
+                ("thrust", d.thrust.as_slice()[..self.count].to_vec()),
+                ("rotor_axis", d.rotor_axis.as_slice()[..self.count].to_vec()),
+                ("drag_moment", vec![d.drag_moment]),
+                ("centre_of_mass", d.centre_of_mass_r.as_slice().to_vec()),
+                ("accelerometer_bias", d.accelerometer_bias_r.as_slice().to_vec()),
+                ("false_force", vec![d.false_force]),
+                ("false_torque", vec![d.false_torque]),
+            ]
+        };
+        for ((name, found), (_, before)) in numbers(&now).into_iter().zip(numbers(&prior)) {
+            let (sum, first) = (found.iter().sum::<f64>(), before.iter().sum::<f64>());
+            excited.set_item(name, sum <= (1.0 - EXCITED) * first && first > 0.0)?;
+            match found.as_slice() {
+                [one] => keys.set_item(name, one)?,
+                several => keys.set_item(name, array1(py, several))?,
+            }
+        }
+        keys.set_item("excited", excited)?;
+        keys.set_item("hovers", self.flight.model_hovers())?;
+        Ok(keys)
+    }
+
+    /// Why the last calibration flight taught nothing; None where it did, or was none.
+    #[getter]
+    fn model_refused(&self) -> Option<String> {
+        self.flight.model_refused().map(|refusal| refusal.to_string())
     }
 
     /// The record as a dict of arrays, (N, k), one row a period; rotations row by row.
@@ -199,7 +262,7 @@ impl Loop {
         time: f64,
         rotor_speeds: &Bound<'py, PyAny>,
         setpoint: &Setpoint,
-        learn_bias: bool,
+        (learn_bias, learn_model): (bool, bool),
         known: Option<KnownState>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let Some(last) = self.last.replace(time) else {
@@ -218,6 +281,7 @@ impl Loop {
             known,
         };
         self.flight.set_learning(learn_bias);
+        self.flight.set_model_learning(learn_model);
         self.flight.tick(&measured, &mut self.commanded);
         self.keep();
         Ok(array1(py, &self.commanded.record.rotor_command.as_slice()[..self.count]))

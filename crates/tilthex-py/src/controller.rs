@@ -75,7 +75,9 @@ impl Controller {
             lost_rotors: convert::rotor_set("lost_rotors", lost_rotors, count)?,
             fixed_attitude: false,
         };
-        let output = self.block.step(&mut self.state, &input, convert::period(dt)?);
+        let dt = convert::period(dt)?;
+        self.block.prepare(dt);
+        let output = self.block.step(&mut self.state, &input, dt);
         Ok(Output { output, count })
     }
 

@@ -42,6 +42,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<truth::Effects>()?;
     module.add_class::<truth::SensorErrors>()?;
     module.add_class::<truth::Truth>()?;
+    module.add_function(wrap_pyfunction!(trajectory::calibration_flight, module)?)?;
     module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
     module.add_class::<ukf::Ukf>()?;
     module.add_class::<ukf::UkfRun>()?;

@@ -3,13 +3,14 @@
 use crate::{
     convert::{self, array1},
     setpoint::Setpoint,
+    vehicle::Vehicle,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use tilthex_core::{
-    Matrix3, Wrench,
+    Matrix3, Wrench, model_learning,
     trajectory::{Limits, Trajectory as Checked, Waypoint},
 };
 
@@ -63,6 +64,32 @@ impl Trajectory {
     fn sample(&self, time: f64) -> PyResult<Setpoint> {
         Ok(Setpoint(self.0.sample(convert::number("time", time, -1e12, 1e12)?)))
     }
+}
+
+/// The contact-free flight that shows the errors of a vehicle's model: a level hover with the tool at `position` (3,), m,
+/// world, and a `heading`, rad, then three hovers about the same centre of mass, tilted by 10 to 15 degrees in
+/// directions 120 degrees apart, and back.
+///
+/// Fly it with `learn_model=True` in every `Loop.step`, half a metre from anything the tool could touch. A vehicle that
+/// hovers in one attitude only, or whose rotors have no room for a tilt, gets the hovers that it can fly.
+#[pyfunction]
+#[pyo3(signature = (vehicle, position, heading=0.0))]
+pub(crate) fn calibration_flight(
+    vehicle: &Vehicle,
+    position: &Bound<'_, PyAny>,
+    heading: f64,
+) -> PyResult<Trajectory> {
+    let limits = Limits {
+        velocity: 0.4,
+        acceleration: 0.8,
+        angular_velocity: 30f64.to_radians(),
+        angular_acceleration: 60f64.to_radians(),
+    };
+    let position_w = convert::vector("position", position)?;
+    let heading = convert::number("heading", heading, -1e3, 1e3)?;
+    let kind = model_learning::Calibration::Tilts;
+    let made = model_learning::calibration_flight(vehicle.core(), kind, position_w, heading, &limits);
+    Ok(Trajectory(made.map_err(convert::value_error)?))
 }
 
 fn waypoint(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Waypoint> {

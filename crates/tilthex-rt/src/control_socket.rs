@@ -315,6 +315,10 @@ fn state(latest: &Latest, refused: u64) -> Value {
         "force": vector(&r.wrench_tool_w.force),
         "torque": vector(&r.wrench_tool_w.torque),
         "position_error": vector(&r.position_error_w),
+        "model": {
+            "mass": r.model.mass, "centre_of_mass": vector(&r.model.centre_of_mass_r), "hovers": r.model.hovers,
+            "false_force": r.model.false_force, "false_torque": r.model.false_torque,
+        },
         "compliant": r.compliant,
         "saturated": r.saturated,
         "rotor_command": rotors(r.rotor_command.as_slice()),

@@ -5,29 +5,24 @@ pub mod body;
 pub mod campaign;
 mod error;
 pub mod feed;
-pub mod firmware;
 pub mod ground;
-pub mod motor;
 pub mod pushes;
 pub mod simulate;
 
 pub use body::{Body, Own};
 pub use error::SimError;
-pub use firmware::{Firmware, FirmwareParams};
 pub use pushes::{Push, Pushes};
+pub use tilthex_link::tk3::board::{Firmware, FirmwareParams, Micros};
 
 pub use tilthex_core::types::Nanos;
 
 use body::Cycle;
-use firmware::Measurements;
 use tilthex_config::TrueVehicle;
 use tilthex_core::{
     MAX_ROTORS, Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
     plant::{Plant, SensorParams, Sensors},
 };
-
-/// Microseconds since the board was powered.
-pub type Micros = u64;
+use tilthex_link::tk3::board::Measurements;
 
 /// The board's cycle.
 pub const STEP: Micros = 1000;

@@ -51,6 +51,11 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("--truth", metavar="LEVEL", help=TRUTH_HELP)
     parser.add_argument(
+        "--calibration",
+        choices=("none", "tilts"),
+        help="what is flown first to learn the vehicle's model (default: the file's, or none)",
+    )
+    parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
     )
     parser.add_argument("--video", action="store_true", help="render every run as an animated GIF")
@@ -102,13 +107,13 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def changes(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the command line changes of the file: `--set`, `--vehicle`, `--truth` and `--seed`."""
+    """What the command line changes of the file: `--set`, `--vehicle`, `--truth` and others."""
     from tilthex.experiments.spec import merge, read_toml
 
     result: dict[str, Any] = {}
     for item in arguments.set:
         result = merge(result, read_toml(item, f"--set {item} (expected KEY=VALUE as in TOML)"))
-    for key in ("vehicle", "truth", "seed"):
+    for key in ("vehicle", "truth", "calibration", "seed"):
         if getattr(arguments, key) is not None:
             result[key] = getattr(arguments, key)
     return result

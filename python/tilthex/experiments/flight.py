@@ -9,7 +9,7 @@ import numpy as np
 
 import tilthex
 from tilthex.experiments.plan import make
-from tilthex.experiments.record import Record
+from tilthex.experiments.record import Record, Vector
 from tilthex.experiments.spec import Run
 from tilthex.experiments.world import PERIOD, World
 
@@ -18,8 +18,12 @@ FAR = 2.0
 """A tool this far from where it started, m, has been thrown out: the run ends there."""
 
 
+LIFT = 0.4
+"""The calibration is flown so far above the start, m: its tilts swing the tool by 0.1 m."""
+
+
 def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> Record:
-    """Flies a run and returns its record.
+    """Flies a run and returns its record, which begins after the calibration.
 
     Args:
         run: What to fly.
@@ -31,13 +35,15 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
     vehicle = drawn.vehicle
     plan = make(run)
     start = plan.setpoints[0]
+    hovers, way_down = calibration(run, start)
+    first = hovers[0] if hovers else start
     world = World(
         vehicle,
         run.scene(),
         run.noise,
         seed=run.seed,
-        tool_position=start.position,
-        tool_rotation=start.rotation,
+        tool_position=first.position,
+        tool_rotation=first.rotation,
         drawn=drawn,
     )
     record = Record.blank(len(plan.setpoints), vehicle.rotor_count, plan.phases, run.name)
@@ -49,34 +55,19 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
     still = np.zeros(3)
     command = vehicle.hover_speeds(world.rotation)
     begun = time.perf_counter()
+    for learn, setpoints in ((True, hovers), (False, way_down)):
+        for setpoint in setpoints:
+            world.step(command)
+            command = _step(chain, world, setpoint, exact, learn_model=learn)
+    if hovers and chain.model_refused is not None:
+        record.ended = f"calibration refused: {chain.model_refused}"
+    begin = world.time
     for k, setpoint in enumerate(plan.setpoints):
         now = k * PERIOD
         world.push = push if push_from <= now < push_to else still
         world.step(command)
-        now = world.time
-        learn = learn_from <= now < learn_to
-        if exact:
-            command = chain.step_from(
-                now,
-                position=world.captured_position,
-                velocity=world.velocity,
-                rotation=world.rotation,
-                angular_velocity=world.angular_velocity,
-                specific_force=world.true_specific_force(),
-                rotor_speeds=world.measured_rotor_speeds(),
-                setpoint=setpoint,
-                learn_bias=learn,
-            )
-        else:
-            command = chain.step(
-                now,
-                world.gyro(),
-                world.specific_force(),
-                world.measured_rotor_speeds(),
-                world.arrived_poses(),
-                setpoint,
-                learn_bias=learn,
-            )
+        now = world.time - begin
+        command = _step(chain, world, setpoint, exact, learn_bias=learn_from <= now < learn_to)
         tool = world.tool_position
         rows["time"][k] = now
         rows["tool_position"][k] = tool
@@ -96,5 +87,66 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
             break
     record.seconds = time.perf_counter() - begun
     record.phase = plan.phase[: len(record.time)]
-    record.take(chain.record(), vehicle.tool_rotation)
+    before = len(hovers) + len(way_down)
+    flown = {name: column[before:] for name, column in chain.record().items()}
+    record.take(flown, vehicle.tool_rotation)
     return record
+
+
+def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoint], list[tilthex.Setpoint]]:
+    """Set-points of the calibration above a run's start, and of the way down; none where none is asked."""
+    if run.calibration == "none":
+        return [], []
+    model = run.model()
+    rotation = start.rotation @ model.tool_rotation.T
+    heading = float(np.arctan2(rotation[1, 0], rotation[0, 0]))
+    above = start.position + np.array([0.0, 0.0, LIFT])
+    flight = tilthex.calibration_flight(model, above, heading)
+    end = flight.sample(flight.duration)
+    down = tilthex.Trajectory(
+        [
+            {"position": end.position, "rotation": end.rotation},
+            {"position": start.position, "rotation": start.rotation, "hold": 2.0},
+        ],
+        velocity=0.3,
+        acceleration=0.5,
+    )
+    hovers, way_down = (
+        [way.sample(k * PERIOD) for k in range(round(way.duration / PERIOD))] for way in (flight, down)
+    )
+    return hovers, way_down
+
+
+def _step(
+    chain: tilthex.Loop,
+    world: World,
+    setpoint: tilthex.Setpoint,
+    exact: bool,
+    *,
+    learn_bias: bool = False,
+    learn_model: bool = False,
+) -> Vector:
+    """One control period of the chain on what the world shows: commanded rotor speeds, Hz, (n,)."""
+    if exact:
+        return chain.step_from(
+            world.time,
+            position=world.captured_position,
+            velocity=world.velocity,
+            rotation=world.rotation,
+            angular_velocity=world.angular_velocity,
+            specific_force=world.true_specific_force(),
+            rotor_speeds=world.measured_rotor_speeds(),
+            setpoint=setpoint,
+            learn_bias=learn_bias,
+            learn_model=learn_model,
+        )
+    return chain.step(
+        world.time,
+        world.gyro(),
+        world.specific_force(),
+        world.measured_rotor_speeds(),
+        world.arrived_poses(),
+        setpoint,
+        learn_bias=learn_bias,
+        learn_model=learn_model,
+    )

@@ -41,6 +41,7 @@ FILE_KEYS = {
     "wire",
     "vehicle",
     "truth",
+    "calibration",
     "seed",
     "config",
     "world",
@@ -55,6 +56,7 @@ FILE_KEYS = {
 }
 RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "wire", "run", "short"} | {"name"}
 WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench"}
+CALIBRATIONS = ("none", "tilts")
 LIMIT_KEYS = {"velocity", "acceleration", "angular_velocity", "angular_acceleration"}
 SWING_KEYS = {"start", "end", "lowest_hz", "highest_hz", "translation", "rotation_deg"}
 LIMITS = {"velocity": 0.3, "acceleration": 0.5, "angular_velocity": 0.5, "angular_acceleration": 1.0}
@@ -87,6 +89,8 @@ class Run:
     """The keys of a `[vehicle]` section: the model that the controller has."""
     truth: str | Table
     """In what the simulated vehicle differs: a level, a TOML file, or the keys of a `[truth]` table."""
+    calibration: str
+    """What is flown first to learn the model: "none" or "tilts" (`tilthex.calibration_flight`)."""
     seed: int
     config: Table
     world: Table
@@ -262,6 +266,14 @@ def _run(kind: str, table: Table) -> Run:
         waypoints.append(Waypoint(last["phase"], duration=last["duration"], hold=last["hold"], **tuples))
     if not waypoints:
         raise ValueError("[trajectory] has no [[trajectory.waypoint]]; it needs at least one")
+    calibration = table.get("calibration", "none")
+    if calibration not in CALIBRATIONS:
+        raise ValueError(f"calibration is {calibration!r}; expected one of {', '.join(CALIBRATIONS)}")
+    world = table.get("world", {"scene": "free"})
+    if calibration != "none" and world.get("scene") == "clamp":
+        raise ValueError(
+            'calibration is "tilts" in the scene clamp; expected "none": the clamp holds the tool'
+        )
     noise = table.get("noise", {})
     _check_keys("[noise]", noise, {f.name for f in fields(Noise)})
     return Run(
@@ -269,9 +281,10 @@ def _run(kind: str, table: Table) -> Run:
         name=table["name"],
         vehicle=table["vehicle"],
         truth=table.get("truth", "exact"),
+        calibration=calibration,
         seed=table.get("seed", 1),
         config=table.get("config", {}),
-        world=table.get("world", {"scene": "free"}),
+        world=world,
         noise=Noise(**noise),
         waypoints=tuple(waypoints),
         limits=LIMITS | {key: trajectory[key] for key in LIMIT_KEYS & trajectory.keys()},

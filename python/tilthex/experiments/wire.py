@@ -27,6 +27,8 @@ CLEARANCE = 0.25
 """The ways from and to the stand pass this far above the trajectory's ends, m."""
 TAKE_OFF = 0.6
 """Height of the first hover over the stand, m."""
+CALIBRATION = 30.0
+"""A calibration flight takes about so long, s."""
 LANDING = 20.0
 """A program that is interrupted in flight has so long to land, s."""
 PATIENCE = 40.0
@@ -122,7 +124,8 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     """
     flown = route(run)
     config = {"vehicle": run.vehicle} | dict(run.config)
-    config["mission"] = {"take_off_height": TAKE_OFF} | config.get("mission", {})
+    mission = {"take_off_height": TAKE_OFF, "calibration": run.calibration}
+    config["mission"] = mission | config.get("mission", {})
     files.config.write_text(toml_text(config), encoding="utf-8")
     # The first is where take-off ends.
     points = [
@@ -225,7 +228,8 @@ def program(name: str) -> str:
 
 def expected(run: Run) -> float:
     """About how long a flight takes, s."""
-    return AROUND + route(run).trajectory.duration
+    calibration = CALIBRATION if run.calibration != "none" else 0.0
+    return AROUND + calibration + route(run).trajectory.duration
 
 
 def toml_text(table: Mapping[str, Any], path: str = "") -> str:

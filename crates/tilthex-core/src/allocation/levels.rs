@@ -9,6 +9,7 @@ use crate::{
     types::{MAX_ROTORS, RotorVector, Vector6},
     vehicle::Allocation as Matrix,
 };
+use libm::sqrt;
 
 /// Rows of a level smaller than this part of the matrix' largest entry are none.
 const NO_EFFECT: f64 = 1e-12;
@@ -42,32 +43,29 @@ impl Levels {
         let matrix: &Matrix = vehicle.allocation();
         let largest_speed =
             vehicle.rotors().iter().fold(0.0, |m: f64, r| m.max(r.max_speed.abs()).max(r.min_speed.abs()));
-        let mut levels = Self {
-            rows: [[0.0; MAX_ROTORS]; ROWS],
-            order: [0; ROWS],
-            ends: [0; 4],
-            count: 0,
-            wrench_scale: [1.0; ROWS],
-            input_scale: largest_speed * largest_speed,
-            rotor_count: vehicle.rotors().len(),
-        };
-        let largest = matrix.amax();
-        let mut next = 0;
-        for group in groups {
-            let norm = group.iter().map(|r| matrix.row(*r).norm()).fold(0.0, f64::max);
-            for r in group {
-                levels.order[next] = *r;
+        let input_scale = largest_speed * largest_speed;
+        let mut rows = [[0.0; MAX_ROTORS]; ROWS];
+        let (mut order, mut wrench_scale) = ([0; ROWS], [1.0; ROWS]);
+        let (mut ends, mut count) = ([0; 4], 0);
+        let mut slots = rows.iter_mut().zip(&mut order).zip(&mut wrench_scale);
+        let (largest, mut end) = (matrix.amax(), 0);
+        for (group, slot) in groups.zip(&mut ends) {
+            let norm = |r: usize| sqrt(row(matrix, r).iter().map(|x| x * x).sum());
+            let norm = group.iter().map(|r| norm(*r)).fold(0.0, f64::max);
+            for (r, ((scaled, place), scale)) in group.iter().zip(slots.by_ref()) {
+                *place = *r;
                 // A level that no rotor moves stays zero.
                 if norm > NO_EFFECT * largest {
-                    levels.wrench_scale[next] = norm * levels.input_scale;
-                    levels.rows[next] = core::array::from_fn(|i| matrix[(*r, i)] / norm);
+                    *scale = norm * input_scale;
+                    *scaled = row(matrix, *r).map(|x| x / norm);
                 }
-                next += 1;
             }
-            levels.ends[levels.count] = next;
-            levels.count += 1;
+            end += group.len();
+            *slot = end;
+            count += 1;
         }
-        levels
+        let rotor_count = vehicle.rotors().len();
+        Self { rows, order, ends, count, wrench_scale, input_scale, rotor_count }
     }
 
     /// Searches from and to `state`; returns the steps it took.
@@ -115,4 +113,13 @@ impl Levels {
         }
         solution.iterations
     }
+}
+
+/// One row of the allocation matrix.
+fn row(matrix: &Matrix, row: usize) -> [f64; MAX_ROTORS] {
+    let mut found = [0.0; MAX_ROTORS];
+    for (slot, column) in found.iter_mut().zip(matrix.as_slice().chunks_exact(ROWS)) {
+        *slot = column.get(row).copied().unwrap_or(0.0);
+    }
+    found
 }

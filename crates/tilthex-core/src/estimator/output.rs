@@ -40,6 +40,13 @@ impl Estimator {
         }
     }
 
+    /// Gives the state of another point from now on: the centre of mass, where it turns out to be, from where it
+    /// was thought to be, m, robot. The filter itself stands at the IMU and does not move.
+    pub fn move_centre_of_mass(&mut self, by_r: &Vector3) {
+        self.params.imu_position_r -= by_r;
+        self.params.body_position_r -= by_r;
+    }
+
     /// Whether the newest sample comes from a model.
     #[must_use]
     pub fn is_modelled(&self) -> bool {

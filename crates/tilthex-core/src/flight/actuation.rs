@@ -32,16 +32,19 @@ impl Flight {
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 let late = self.supervisor.active().contains(Fault::LineLate);
                 let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
+                let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
+                let learns_model = guided.learn_model || self.learns_model;
+                self.learn_model(learns_model, &guided.setpoint, rotor_speeds, dt);
                 let controller = if late { &self.slow_controller } else { &self.controller };
-                let guided =
-                    self.guidance.step(phase, self.descent(), &robot, self.params.vehicle.tool(), dt);
+                let compliant =
+                    guided.compliant && !self.learns && !learns_model && !self.model.is_pending();
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.specific_force_r(),
                     rotor_speeds: *rotor_speeds,
                     setpoint: guided.setpoint,
-                    compliant: guided.compliant && !self.learns,
-                    unyielding: (!guided.compliant || self.learns).then_some(self.lift),
+                    compliant,
+                    unyielding: (!compliant).then_some(self.lift),
                     learn_bias: guided.learn_bias || self.learns,
                     lost_rotors: self.lost | self.thrust.tried(),
                     fixed_attitude: phase == Phase::Emergency,

@@ -21,6 +21,8 @@ const EXPLAINED: f64 = 0.6;
 
 /// So much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
+/// Likewise of its velocity.
+const VELOCITY_FOLLOWS: f64 = 0.4;
 /// How far the IMU alone may drift, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
 
@@ -137,11 +139,14 @@ impl CaptureWatch {
         let (far, fast) = CAPTURE_AGREES;
         let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack;
         if window.time > window.length {
-            // Its attitude goes on by the gyro: that of the estimate may follow poses that stand still.
+            // Its attitude goes on by the gyro, and its velocity by the accelerometer: those of the estimate may follow
+            // poses that stand still.
             let own = window.reckoned.rotation_wi;
             let apart = so3::log(&(own.transpose() * state.rotation_wi));
             let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
-            self.window = Some(Window { reckoned: Navigation { rotation_wi, ..fresh.reckoned }, ..fresh });
+            let velocity_w = window.reckoned.velocity_w + VELOCITY_FOLLOWS * off_velocity_w;
+            let reckoned = Navigation { rotation_wi, velocity_w, ..fresh.reckoned };
+            self.window = Some(Window { reckoned, ..fresh });
         }
         if !contradicts || self.lies {
             return None;

@@ -2,6 +2,8 @@
 
 use super::io::Route;
 use crate::{
+    Vehicle,
+    model_learning::{Calibration, calibration_flight},
     so3,
     supervisor::{
         Phase,
@@ -19,6 +21,8 @@ pub struct GuidanceParams {
     pub take_off_height: f64,
     /// Time at the first hover in which the wrench bias is learnt, s; 0 leaves it out.
     pub bias_time: f64,
+    /// What is flown at the first hover to learn the model from.
+    pub calibration: Calibration,
     /// Limits of take-off and of the way to a route's first way-point.
     pub limits: Limits,
     /// Speed of the descent, m/s.
@@ -94,6 +98,7 @@ impl Detour {
 enum Stage {
     Ground,
     TakeOff,
+    Calibration,
     Mission,
     Follow,
     Land,
@@ -127,6 +132,8 @@ pub(super) struct Guided {
     pub(super) compliant: bool,
     /// Whether the wrench bias is being learnt.
     pub(super) learn_bias: bool,
+    /// Whether the model is being learnt.
+    pub(super) learn_model: bool,
 }
 
 impl Guidance {
@@ -198,6 +205,23 @@ impl Guidance {
         self.stage = Stage::TakeOff;
         self.detour = Detour::default();
         self.hover_time = 0.0;
+    }
+
+    /// What follows take-off, from where it ended: the calibration, which leaves no bias to learn, or the mission.
+    fn begin_calibration(&mut self, vehicle: &Vehicle) {
+        self.stage = Stage::Mission;
+        let kind = self.params.calibration;
+        if kind == Calibration::None {
+            return;
+        }
+        let from = self.trajectory.sample(self.time);
+        let heading = heading(&(from.rotation_we * vehicle.tool().rotation_r.transpose()));
+        if let Ok(flight) = calibration_flight(vehicle, kind, from.position_w, heading, &self.params.limits) {
+            self.trajectory = flight;
+            self.time = 0.0;
+            self.stage = Stage::Calibration;
+            self.hover_time = self.params.bias_time;
+        }
     }
 
     /// Straight down, turning level on the way, from a reference of the tool; before it sinks, it moves by
@@ -287,7 +311,7 @@ impl Guidance {
         phase: Phase,
         descent: Descent,
         robot: &RobotState,
-        tool: &Mounting,
+        vehicle: &Vehicle,
         dt: f64,
     ) -> Guided {
         let stopped = phase == Phase::Holding;
@@ -299,10 +323,12 @@ impl Guidance {
         self.time += rate * dt;
         self.followed_age += dt;
         if self.stage == Stage::TakeOff && self.time >= self.trajectory.duration() {
+            self.begin_calibration(vehicle);
+        } else if self.stage == Stage::Calibration && self.time >= self.trajectory.duration() {
             self.stage = Stage::Mission;
         }
         if phase == Phase::Emergency {
-            let mut setpoint = descend(robot, tool);
+            let mut setpoint = descend(robot, vehicle.tool());
             match descent {
                 Descent::Steady => setpoint.velocity_w.z = -self.params.landing_speed,
                 Descent::Adrift => setpoint.velocity_w.z = -ADRIFT_SPEED,
@@ -312,7 +338,7 @@ impl Guidance {
                     setpoint.acceleration_w.z = -BLIND_ACCELERATION;
                 }
             }
-            return Guided { setpoint, compliant: false, learn_bias: false };
+            return Guided { setpoint, compliant: false, learn_bias: false, learn_model: false };
         }
         let mut setpoint = self.sample();
         // A clock that runs at `rate` scales velocities, and its change adds to the acceleration.
@@ -343,7 +369,8 @@ impl Guidance {
         }
         let learn_bias = learning && phase == Phase::Flying;
         let compliant = matches!(self.stage, Stage::Mission | Stage::Follow) && !learning;
-        Guided { setpoint, compliant, learn_bias }
+        let learn_model = self.stage == Stage::Calibration;
+        Guided { setpoint, compliant, learn_bias, learn_model }
     }
 
     fn sample(&self) -> Setpoint {
@@ -377,7 +404,12 @@ fn descend(robot: &RobotState, tool: &Mounting) -> Setpoint {
 
 /// The same heading, level: body x stays in its vertical plane.
 fn level(rotation_wr: &Matrix3) -> Matrix3 {
-    so3::rot_z(libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)]))
+    so3::rot_z(heading(rotation_wr))
+}
+
+/// The angle of body x in the horizontal plane from the world's, rad.
+fn heading(rotation_wr: &Matrix3) -> f64 {
+    libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)])
 }
 
 fn tool_waypoint(position_w: Vector3, rotation_wr: &Matrix3, tool: &Mounting) -> Waypoint {

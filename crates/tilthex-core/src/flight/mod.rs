@@ -15,6 +15,7 @@ mod io;
 mod landing;
 mod late;
 mod lift_off;
+mod model;
 mod record;
 mod rotors;
 mod sensing;
@@ -26,6 +27,7 @@ mod watch;
 pub use airborne::AirborneStart;
 pub use guidance::GuidanceParams;
 pub use io::{Command, Commanded, HostFacts, KnownState, MAX_POSES, Measured, MotorCommand, Route};
+pub use model::ModelRecord;
 pub use record::{InputRecord, LinkCounters, Record};
 pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
@@ -44,6 +46,7 @@ use guidance::Guidance;
 use landing::{FREE, Landing, Lift};
 use late::Pending;
 use lift_off::LiftOff;
+use model::ModelState;
 use rotors::RotorModel;
 use stopped::StoppedWatch;
 use thrust::ThrustWatch;
@@ -83,6 +86,9 @@ pub struct Flight {
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
+    /// Likewise, that this is a contact-free flight to learn the model from.
+    learns_model: bool,
+    model: ModelState,
     start_refused: Option<StartError>,
     guidance: Guidance,
     route: Option<Route>,
@@ -141,6 +147,8 @@ impl Flight {
             estimator: Estimator::new(params.estimator)?,
             known: None,
             learns: false,
+            learns_model: false,
+            model: ModelState::new(&vehicle),
             start_refused: None,
             guidance: Guidance::new(params.guidance),
             route,
@@ -208,6 +216,7 @@ impl Flight {
 
     /// One tick: reads, estimates, supervises, controls, and says what to send.
     pub fn tick(&mut self, input: &Measured<'_>, out: &mut Commanded) {
+        self.change_model();
         let now = input.time;
         let period = self.time.replace(now).map_or(0.0, |last| (now - last).max(0.0));
         let dt = period.min(LONGEST_STEP);
@@ -285,6 +294,7 @@ impl Flight {
         conditions.insert_if(Fault::MotorDataWrong, self.stopped.doubted() != 0);
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
+        conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
         self.watch_bounds(before, &mut conditions, dt);
         let contradiction = self.watch_capture(before, &mut conditions);
         let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);

@@ -1,7 +1,7 @@
 //! Everything a tick took in and did, of fixed size: for the log, for replay, for the report after a fault.
 
 use super::{
-    Flight,
+    Flight, ModelRecord,
     io::{HostFacts, MAX_POSES, Measured},
 };
 use crate::{
@@ -110,6 +110,8 @@ pub struct Record {
     pub battery: f64,
     /// Counters.
     pub counters: LinkCounters,
+    /// The model that the laws use.
+    pub model: ModelRecord,
     /// Inertial samples taken in this tick.
     pub imu_samples: u8,
 }
@@ -161,6 +163,7 @@ impl Default for Record {
             current: 0.0,
             battery: f64::NAN,
             counters: LinkCounters::default(),
+            model: ModelRecord::default(),
             imu_samples: 0,
         }
     }
@@ -213,6 +216,7 @@ impl Flight {
         record.current = telemetry.motors().iter().map(|m| m.current).sum();
         record.battery = telemetry.battery.unwrap_or(f64::NAN);
         record.counters = self.watch.counters(telemetry);
+        record.model = self.model_record();
         record.imu_samples = telemetry.inertial.samples().len() as u8;
         *out = record;
     }

@@ -31,7 +31,7 @@ impl Flight {
 
     /// Feeds the estimator; where inertial samples are missing in flight, from the model.
     pub(super) fn estimate(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
-        self.known = input.known;
+        self.known = input.known.map(|known| self.model.at_centre(&known));
         if self.known.is_some() {
             return;
         }

@@ -38,6 +38,22 @@ use crate::{
 };
 
 /// The rigid body, its rotors, and what else acts on them.
+///
+/// ```
+/// use tilthex_core::{RotorVector, Vector3, Wrench, examples, plant::Plant};
+///
+/// let plant = Plant::new(examples::tilt_hex()?);
+/// let mut state = plant.hover(Vector3::new(0.0, 0.0, 1.0));
+/// let hover = state.rotor_speeds;
+/// for _ in 0..500 {
+///     plant.step(&mut state, &hover, &Wrench::ZERO, 0.002);
+/// }
+/// assert!((state.robot.position_w.z - 1.0).abs() < 1e-9);
+/// // Without its rotors it falls.
+/// plant.step(&mut state, &RotorVector::zeros(), &Wrench::ZERO, 0.5);
+/// assert!(state.robot.velocity_w.z < -3.0);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plant {
     vehicle: Vehicle,

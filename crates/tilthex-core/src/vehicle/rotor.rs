@@ -51,7 +51,7 @@ impl TiltedHexarotor {
             let yaw = so3::rot_z(i as f64 * core::f64::consts::FRAC_PI_3);
             let rotation = yaw * so3::rot_x(sign * self.alpha) * so3::rot_y(self.beta);
             Rotor {
-                // (5) prints the arm as I and does not turn the offset; see control.md section 9.
+                // (5) prints the arm as I and does not turn the offset; see docs/laws.md.
                 position_r: yaw * Vector3::new(self.arm, 0.0, 0.0) + rotation * self.rotor_offset,
                 axis_r: rotation * Vector3::z(),
                 spin: sign,

@@ -6,6 +6,8 @@
 //! neither a length nor a checksum: a bit flipped inside a frame passes, so
 //! every sample must go through a [`crate::Gate`] before it is believed.
 
+#[cfg(feature = "board")]
+pub mod board;
 mod frame;
 mod host;
 mod host_message;

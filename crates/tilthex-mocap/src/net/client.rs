@@ -15,9 +15,7 @@ use tilthex_core::PoseSample;
 use super::SourceError;
 use super::{
     counters::{Counters, Status, add},
-    natnet_client,
-    uri::{MocapUri, Protocol},
-    vrpn_client,
+    uri::MocapUri,
 };
 
 /// Poses that may wait for the loop.
@@ -48,20 +46,11 @@ impl Client {
         let stop = Arc::new(AtomicBool::new(false));
         let sink = Sink { ring: producer, counters: Arc::clone(&counters), params };
         let stopped = Arc::clone(&stop);
-        let run: Box<dyn FnOnce() + Send> = match uri.protocol {
-            Protocol::NatNet | Protocol::NatNetMulticast => {
-                let session = natnet_client::Session::connect(uri, server, sink)?;
-                Box::new(move || session.run(&stopped))
-            }
-            Protocol::Vrpn => {
-                let session = vrpn_client::Session::connect(uri, server, sink)?;
-                Box::new(move || session.run(&stopped))
-            }
-        };
+        let source = uri.protocol.connect(uri, server, sink)?;
         let thread = std::thread::Builder::new()
             .name("mocap".into())
             .stack_size(256 * 1024)
-            .spawn(run)
+            .spawn(move || source.run(&stopped))
             .map_err(|error| SourceError::new(format!("no thread for the motion capture: {error}")))?;
         Ok((Self { counters, stop, thread: Some(thread) }, consumer))
     }

@@ -11,6 +11,8 @@ mod error;
 mod natnet_client;
 mod natnet_line;
 mod natnet_server;
+mod source;
+mod udp_client;
 mod uri;
 mod vrpn_client;
 mod vrpn_server;
@@ -21,7 +23,8 @@ pub use counters::Status;
 pub use delivery::{LineParams, Publication};
 pub use error::SourceError;
 pub use natnet_server::{NatNetServer, NatNetServerParams};
-pub use uri::{MocapUri, Protocol};
+pub use source::Protocol;
+pub use uri::MocapUri;
 pub use vrpn_server::{VrpnServer, VrpnServerParams};
 
 use tilthex_core::types::Nanos;

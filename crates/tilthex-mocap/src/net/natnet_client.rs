@@ -14,7 +14,8 @@ use super::{
     counters::add,
     natnet_line::Line,
     now, seconds,
-    uri::{MocapUri, Protocol},
+    source::{PoseSource, Protocol},
+    uri::MocapUri,
 };
 use crate::{
     Malformed,
@@ -81,9 +82,8 @@ pub(super) struct Session {
     sink: Sink,
 }
 
-impl Session {
-    /// Finds the server and the body, and waits for the body's first frame.
-    pub(super) fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError> {
+impl PoseSource for Session {
+    fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError> {
         let system = |error: std::io::Error| SourceError::new(format!("no socket for {uri}: {error}"));
         let passive = ClockSync::new(ClockParams { drift: DRIFT, ..ClockParams::default() })
             .map_err(|error| SourceError::new(error.to_string()))?;
@@ -116,8 +116,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Keeps the connection and hands on poses until told to stop.
-    pub(super) fn run(mut self, stop: &AtomicBool) {
+    fn run(mut self: Box<Self>, stop: &AtomicBool) {
         let (mut keep_alive, mut frame) = (0, Monotonic.now());
         while !stop.load(Ordering::Relaxed) {
             let now = Monotonic.now();
@@ -155,7 +154,9 @@ impl Session {
         }
         self.line.say(|out| write_bare(out, MessageId::Disconnect));
     }
+}
 
+impl Session {
     /// Asks who is there; the group that frames are sent to.
     fn introduce(&mut self) -> Result<Option<[u8; 4]>, SourceError> {
         let refused = self.refused();

@@ -2,49 +2,17 @@
 
 use std::{fmt, str::FromStr};
 
-use crate::{natnet, vrpn};
-
-use super::SourceError;
-
-/// How a capture system speaks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Protocol {
-    /// NatNet, frames sent to this host.
-    NatNet,
-    /// NatNet, frames sent to a group.
-    NatNetMulticast,
-    /// VRPN over TCP.
-    Vrpn,
-}
-
-impl Protocol {
-    const ALL: [Self; 3] = [Self::NatNet, Self::NatNetMulticast, Self::Vrpn];
-
-    fn scheme(self) -> &'static str {
-        match self {
-            Self::NatNet => "natnet",
-            Self::NatNetMulticast => "natnet+multicast",
-            Self::Vrpn => "vrpn",
-        }
-    }
-
-    fn default_port(self) -> u16 {
-        match self {
-            Self::NatNet | Self::NatNetMulticast => natnet::COMMAND_PORT,
-            Self::Vrpn => vrpn::PORT,
-        }
-    }
-}
+use super::{SourceError, source::Protocol};
 
 /// A captured body's address: `natnet://HOST[:PORT]/BODY`,
-/// `natnet+multicast://HOST[:PORT]/BODY` or `vrpn://HOST[:PORT]/TRACKER`.
+/// `natnet+multicast://HOST[:PORT]/BODY`, `vrpn://HOST[:PORT]/TRACKER` or `udp://SENDER[:PORT]/BODY`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MocapUri {
     /// How the system speaks.
     pub protocol: Protocol,
     /// Its name or address, without brackets.
     pub host: String,
-    /// Its port for commands (NatNet) or connections (VRPN).
+    /// Its port for commands (NatNet) or connections (VRPN), or the port of this computer for its packets (UDP).
     pub port: u16,
     /// The rigid body's or tracker's name.
     pub body: String,
@@ -57,12 +25,13 @@ impl FromStr for MocapUri {
         let wrong = |found: &str| {
             SourceError::new(format!(
                 "the motion capture `{text}` {found}; expected natnet://HOST[:PORT]/BODY, \
-                 natnet+multicast://HOST[:PORT]/BODY or vrpn://HOST[:PORT]/TRACKER"
+                 natnet+multicast://HOST[:PORT]/BODY, vrpn://HOST[:PORT]/TRACKER or udp://SENDER[:PORT]/BODY"
             ))
         };
         let (scheme, rest) = text.split_once("://").ok_or_else(|| wrong("names no protocol"))?;
         let protocol = Protocol::ALL
-            .into_iter()
+            .iter()
+            .copied()
             .find(|protocol| protocol.scheme() == scheme)
             .ok_or_else(|| wrong(&format!("has the unknown protocol `{scheme}`")))?;
         let (authority, body) = rest.split_once('/').ok_or_else(|| wrong("names no body"))?;

@@ -15,6 +15,7 @@ use super::{
     client::{Sink, list},
     counters::add,
     now,
+    source::PoseSource,
     uri::MocapUri,
 };
 
@@ -52,9 +53,8 @@ pub(super) struct Session {
     sink: Sink,
 }
 
-impl Session {
-    /// Finds the server and the tracker, and waits for its first pose.
-    pub(super) fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError> {
+impl PoseSource for Session {
+    fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError> {
         let stream = greet(server, PATIENCE)?;
         let clock = ClockSync::new(ClockParams { drift: DRIFT, ..ClockParams::default() })
             .map_err(|error| SourceError::new(error.to_string()))?;
@@ -65,8 +65,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Hands on poses until told to stop; connects again when the server goes away.
-    pub(super) fn run(mut self, stop: &AtomicBool) {
+    fn run(mut self: Box<Self>, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             if self.read().is_some() {
                 continue;
@@ -83,7 +82,9 @@ impl Session {
             }
         }
     }
+}
 
+impl Session {
     fn first_pose(&mut self) -> Result<(), SourceError> {
         let end = Instant::now() + PATIENCE;
         while Instant::now() < end {

@@ -88,6 +88,8 @@ pub struct TickMessages {
     pub flight: m::Flight,
     /// `/link`
     pub link: m::Link,
+    /// `/model`
+    pub model: m::Model,
     /// `/input`
     pub input: m::Input,
     /// `/output`
@@ -152,6 +154,14 @@ impl TickMessages {
                 refused_poses: r.counters.refused_poses,
                 imu_samples: r.imu_samples.into(),
             },
+            model: m::Model {
+                mass: r.model.mass,
+                centre_of_mass_r: vector(&r.model.centre_of_mass_r),
+                false_force: r.model.false_force,
+                false_torque: r.model.false_torque,
+                hovers: r.model.hovers.into(),
+                misfit: r.model.misfit,
+            },
             input: m::Input {
                 tick: r.tick,
                 time: r.input.time,
@@ -170,7 +180,7 @@ impl TickMessages {
 impl TickMessages {
     /// Each message's topic and bytes, in the order in which they are logged.
     #[must_use]
-    pub fn encoded(&self) -> [(&'static str, Vec<u8>); 10] {
+    pub fn encoded(&self) -> [(&'static str, Vec<u8>); 11] {
         [
             ("/state", self.state.encode_to_vec()),
             ("/setpoint", self.setpoint.encode_to_vec()),
@@ -180,6 +190,7 @@ impl TickMessages {
             ("/rotors", self.rotors.encode_to_vec()),
             ("/flight", self.flight.encode_to_vec()),
             ("/link", self.link.encode_to_vec()),
+            ("/model", self.model.encode_to_vec()),
             ("/input", self.input.encode_to_vec()),
             ("/output", self.output.encode_to_vec()),
         ]

@@ -75,6 +75,7 @@ struct Topics {
     rotors: Topic,
     flight: Topic,
     link: Topic,
+    model: Topic,
     timing: Topic,
     input: Topic,
     output: Topic,
@@ -106,6 +107,7 @@ impl<W: Write> FlightLog<W> {
             rotors: log.topic::<m::Rotors>("/rotors")?,
             flight: log.topic::<m::Flight>("/flight")?,
             link: log.topic::<m::Link>("/link")?,
+            model: log.topic::<m::Model>("/model")?,
             timing: log.topic::<m::Timing>("/timing")?,
             input: log.topic::<m::Input>("/input")?,
             output: log.topic::<m::Output>("/output")?,
@@ -147,6 +149,7 @@ impl<W: Write> FlightLog<W> {
         log.put(t.rotors, stamp, &messages.rotors)?;
         log.put(t.flight, stamp, &messages.flight)?;
         log.put(t.link, stamp, &messages.link)?;
+        log.put(t.model, stamp, &messages.model)?;
         log.put(t.input, stamp, &messages.input)?;
         log.put(t.output, stamp, &messages.output)?;
         let timing = m::Timing {

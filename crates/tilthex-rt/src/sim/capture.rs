@@ -53,6 +53,11 @@ impl Capture {
                 NatNetServer::start(NatNetServerParams { address, multicast, up_axis, line, ..params })
                     .map(Self::NatNet)
             }
+            Protocol::Udp => {
+                return Err(Failure::usage(format!(
+                    "the simulated vehicle serves natnet://, natnet+multicast:// and vrpn://; found {uri}"
+                )));
+            }
             Protocol::Vrpn => {
                 let params = VrpnServerParams::new(&uri.body);
                 VrpnServer::start(VrpnServerParams { address, up_axis, line, ..params }).map(Self::Vrpn)

@@ -1,21 +1,22 @@
-//! The vehicle's flight board as tk3.md describes it: identity, streams on
+//! The board's end of tk3, for simulated vehicles: identity, streams on
 //! request, motors that are started one by one, watchdogs, texts. It runs on
 //! the time it is told, so that it serves a pseudo-terminal in real time and
 //! the fault campaign in virtual time alike.
 
+pub mod motor;
+
+use alloc::{format, vec::Vec};
+
+use self::motor::{Event, Motor};
+use super::{HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage, speed};
+use crate::{Severity, Text};
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vehicle,
     plant::{Battery, ImuSample, rotor_current},
 };
-use tilthex_link::{
-    Severity, Text,
-    tk3::{self, HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage},
-};
 
-use super::{
-    Micros,
-    motor::{Event, Motor},
-};
+/// Microseconds since the board was powered.
+pub type Micros = u64;
 
 /// A board without power-on time: what it does for this long after a reboot is nothing.
 const BOOT: Micros = 300_000;
@@ -146,7 +147,7 @@ impl Firmware {
             HostMessage::Speeds(values) => {
                 self.speeds_received += 1;
                 for (motor, &value) in motors.iter_mut().zip(values.as_slice()) {
-                    motor.set_speed(tk3::speed(value), now);
+                    motor.set_speed(speed(value), now);
                 }
             }
             HostMessage::Throttles(values) => {

@@ -1,8 +1,7 @@
 //! One motor controller (ESC), as the vehicle's firmware drives it.
 
-use tilthex_link::tk3::{MotorFrame, MotorState};
-
 use super::Micros;
+use crate::tk3::{LOWEST_SPEED, MotorFrame, MotorState};
 
 /// Without set-points for this long a motor falls back to its lowest speed.
 pub const FALL_BACK: Micros = 500_000;
@@ -155,8 +154,8 @@ impl Motor {
 
 /// A measured half period is the nearest count, where a commanded one is truncated.
 fn nearest_half_period(speed: f64) -> i16 {
-    if speed.abs() < tilthex_link::tk3::LOWEST_SPEED {
+    if speed.abs() < LOWEST_SPEED {
         return if speed < 0.0 { -i16::MAX } else { i16::MAX };
     }
-    (500_000.0 / speed).round() as i16
+    libm::round(500_000.0 / speed) as i16
 }

@@ -1,0 +1,128 @@
+//! The spring between the set-point and the reference.
+//!
+//! The printed rotational spring, `K_R vee(Q)` with `Q = R_r R_d^T`, is the derivative of no
+//! potential where K_R is not isotropic: a turn that ends where it began gains energy. The spring
+//! here is that of `V = tr(G (I - Q))` with `G = tr(K_R)/2 I - K_R` (control.md section 6): its torque,
+//! `2 vee(Q G)`, is the printed one for an isotropic K_R, for turns about a principal axis and for
+//! small angles. It pulls back from every side only where no stiffness is larger than the sum of
+//! the two others; otherwise the printed form stays.
+
+use super::halves;
+use crate::{
+    so3::{hat, vee},
+    types::{Matrix3, Matrix6, Vector3, Vector6},
+};
+
+/// The spring's wrench on the reference is `-wrench`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Spring {
+    /// N/m.
+    translation: Matrix3,
+    /// Force by rotation, N, and its transpose: torque by translation.
+    coupling: Matrix3,
+    /// N m/rad.
+    rotation: Matrix3,
+    /// The torque is `outer 2 vee(Q g)`.
+    g: Matrix3,
+    outer: Option<Matrix3>,
+}
+
+/// The spring at one deviation.
+pub(super) struct Strained {
+    /// Force, N, and torque, N m, world, against the deviation.
+    pub wrench: Vector6,
+    /// Q G.
+    turned: Matrix3,
+}
+
+impl Spring {
+    pub(super) fn new(stiffness: &Matrix6) -> Self {
+        let rotation: Matrix3 = stiffness.fixed_view::<3, 3>(3, 3).into_owned();
+        let rotation = 0.5 * (rotation + rotation.transpose());
+        let g = 0.5 * rotation.trace() * Matrix3::identity() - rotation;
+        let pulls_back = g.symmetric_eigenvalues().min() >= -1e-9 * rotation.amax();
+        Self {
+            translation: stiffness.fixed_view::<3, 3>(0, 0).into_owned(),
+            coupling: stiffness.fixed_view::<3, 3>(0, 3).into_owned(),
+            rotation,
+            g: if pulls_back { g } else { 0.5 * Matrix3::identity() },
+            outer: (!pulls_back).then_some(rotation),
+        }
+    }
+
+    pub(super) fn has_potential(&self) -> bool {
+        self.outer.is_none()
+    }
+
+    /// What is stored in it, J.
+    pub(super) fn energy(&self, translation: &Vector3, turn: &Matrix3) -> f64 {
+        let cross = translation.dot(&(self.coupling * vee(turn)));
+        0.5 * translation.dot(&(self.translation * translation))
+            + cross
+            + (self.g * (Matrix3::identity() - turn)).trace()
+    }
+
+    /// At a deviation; without `coupled` translation and rotation do not act on each other.
+    pub(super) fn at(&self, translation: &Vector3, turn: &Matrix3, coupled: bool) -> Strained {
+        let turned = turn * self.g;
+        let mut force = self.translation * translation;
+        let mut torque = self.outward(2.0 * vee(&turned));
+        if coupled {
+            force += self.coupling * vee(turn);
+            torque += across(turn, &self.pull(translation));
+        }
+        Strained { wrench: join(&force, &torque), turned }
+    }
+
+    /// Rate of the wrench, where the deviation moves at `velocity` and turns at `turning`, less
+    /// that of the linear spring.
+    pub(super) fn rate(
+        &self,
+        strained: &Strained,
+        (translation, turn): (&Vector3, &Matrix3),
+        (velocity, turning): (&Vector3, &Vector3),
+        coupled: bool,
+    ) -> Vector6 {
+        let a = &strained.turned;
+        // 2 vee(hat(w) A) = (tr(A) I - A) w.
+        let mut torque = self.outward(turning * a.trace() - a * turning) - self.rotation * turning;
+        let mut force = Vector3::zeros();
+        if coupled {
+            let turned = hat(turning) * turn;
+            force += self.coupling * (vee(&turned) - turning);
+            let pull = self.pull(velocity);
+            torque += across(turn, &pull) - pull + across(&turned, &self.pull(translation));
+        }
+        join(&force, &torque)
+    }
+
+    /// The linear spring's wrench at a small deviation (translation, rotation vector).
+    pub(super) fn linear(&self, deviation: &Vector6, coupled: bool) -> Vector6 {
+        let (p, turn) = halves(deviation);
+        let mut force = self.translation * p;
+        let mut torque = self.rotation * turn;
+        if coupled {
+            force += self.coupling * turn;
+            torque += self.pull(&p);
+        }
+        join(&force, &torque)
+    }
+
+    fn outward(&self, torque: Vector3) -> Vector3 {
+        self.outer.map_or(torque, |outer| outer * torque)
+    }
+
+    /// The torque of a translation, N m, at no rotation.
+    fn pull(&self, translation: &Vector3) -> Vector3 {
+        self.coupling.tr_mul(translation)
+    }
+}
+
+/// The derivative of `vee(Q) . k` by a turn of Q: `1/2 (tr(Q) I - Q^T) k`.
+fn across(q: &Matrix3, k: &Vector3) -> Vector3 {
+    0.5 * (k * q.trace() - q.tr_mul(k))
+}
+
+pub(super) fn join(a: &Vector3, b: &Vector3) -> Vector6 {
+    Vector6::new(a.x, a.y, a.z, b.x, b.y, b.z)
+}

@@ -1,0 +1,236 @@
+//! What contact-free hovers say of a vehicle's model: mass, thrust, rotor axes, drag moment and centre of mass,
+//! split into these causes by their prior standard deviations, so that the correction holds at other attitudes, too.
+//!
+//! A level hover tells apart little: a wrong mass and a wrong thrust look the same, and so do a centre of mass aside
+//! and unequal rotors. Hovers at several attitudes tell what decides on the false contact at any attitude. What no
+//! hover tells (mass by thrust, the tool's tip) stays what it was, with its prior deviation.
+
+mod estimate;
+mod flight;
+mod hover;
+
+pub use flight::{Calibration, calibration_flight};
+pub use hover::{HoverSample, SETTLE, SHORTEST};
+
+use crate::{
+    Vehicle,
+    types::{RotorVector, Vector3, Wrench},
+};
+use core::fmt;
+use estimate::Estimate;
+use hover::{Hover, HoverMeter};
+
+/// Most hovers that are remembered; of more, the newest.
+pub const MAX_HOVERS: usize = 8;
+/// Tilt at which the false contact is foretold, rad.
+pub const TILT: f64 = 15.0 * core::f64::consts::PI / 180.0;
+/// A block of a hover may differ from the whole by this force, N, and torque, N m.
+const STEADY: (f64, f64) = (0.15, 0.05);
+/// How many of its deviations a misfit may be above its mean, and an unknown from its prior.
+const CREDIBLE: (f64, f64) = (6.0, 5.0);
+
+/// Standard deviations of a model's errors before any flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ModelPrior {
+    /// Of the mass, as a part of it.
+    pub mass: f64,
+    /// Of all rotors' thrust, as a part of it.
+    pub thrust: f64,
+    /// Of each rotor's thrust beside that.
+    pub thrust_each: f64,
+    /// Of all rotors' drag moment, as a part of it.
+    pub drag_moment: f64,
+    /// Of a rotor's axis, rad about each axis across it.
+    pub rotor_axis: f64,
+    /// Of the centre of mass, m an axis.
+    pub centre_of_mass: f64,
+    /// Of what the estimator leaves of the accelerometer's bias, m/s^2 an axis.
+    pub accelerometer_bias: f64,
+}
+
+impl ModelPrior {
+    /// A vehicle taken from its drawings.
+    pub const CAD: Self = Self {
+        mass: 0.03,
+        thrust: 0.05,
+        thrust_each: 0.03,
+        drag_moment: 0.15,
+        rotor_axis: 1.5 * core::f64::consts::PI / 180.0,
+        centre_of_mass: 0.006,
+        accelerometer_bias: 0.02,
+    };
+}
+
+/// Standard deviations of a model's errors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ModelDeviation {
+    /// Of the mass, as a part of it.
+    pub mass: f64,
+    /// Of each rotor's thrust, as a part of it.
+    pub thrust: RotorVector,
+    /// Of each rotor's axis, rad.
+    pub rotor_axis: RotorVector,
+    /// Of the drag moment, as a part of it.
+    pub drag_moment: f64,
+    /// Of the centre of mass, m, robot.
+    pub centre_of_mass_r: Vector3,
+    /// Of what the estimator leaves of the accelerometer's bias, m/s^2, robot.
+    pub accelerometer_bias_r: Vector3,
+    /// Of the force that is taken for contact in hovers tilted by [`TILT`], N.
+    pub false_force: f64,
+    /// Of the torque about the centre of mass likewise, N m.
+    pub false_torque: f64,
+}
+
+/// Excitation sufficed where hovers took at least this part of a deviation away.
+pub const EXCITED: f64 = 0.5;
+
+impl ModelDeviation {
+    /// Of a vehicle before any flight.
+    #[must_use]
+    pub fn prior(vehicle: &Vehicle) -> Self {
+        Estimate::prior().deviations(vehicle, &ModelPrior::CAD)
+    }
+
+    /// Whether the hovers told the false contact at other attitudes, too, by what it was `before`.
+    #[must_use]
+    pub fn is_excited(&self, before: &Self) -> bool {
+        let told = 1.0 - EXCITED;
+        self.false_force <= told * before.false_force && self.false_torque <= told * before.false_torque
+    }
+}
+
+/// Why nothing is learnt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refusal {
+    /// No hover lasted long enough.
+    NoHover,
+    /// The wrench of a hover (number, from 1) changed by so much while it lasted.
+    NotStill {
+        /// Which hover, from 1.
+        hover: usize,
+        /// N.
+        force: f64,
+        /// N m.
+        torque: f64,
+    },
+    /// The hovers do not go together with errors of the model alone.
+    NotTheModel {
+        /// Largest external force of a hover as the model has it, N.
+        force: f64,
+        /// Largest torque likewise, N m.
+        torque: f64,
+    },
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::NoHover => write!(
+                f,
+                "no hover was still for {SHORTEST} s; expected one or more to learn the model from: the set-point must \
+                 rest, and nothing may touch the vehicle"
+            ),
+            Self::NotStill { hover, force, torque } => write!(
+                f,
+                "the wrench changed by {force:.2} N and {torque:.3} N m during hover {hover}; expected at most {} N \
+                 and {} N m: nothing may touch the vehicle, and the air must be still",
+                STEADY.0, STEADY.1
+            ),
+            Self::NotTheModel { force, torque } => write!(
+                f,
+                "an external wrench of up to {force:.2} N and {torque:.3} N m is not what errors of the model make; \
+                 expected a vehicle that nothing touches and that is the configured one within its drawings"
+            ),
+        }
+    }
+}
+
+/// What was learnt.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Learnt {
+    /// The vehicle after the correction.
+    pub vehicle: Vehicle,
+    /// Its centre of mass from where the model before had it, m, robot.
+    pub centre_r: Vector3,
+    /// Standard deviations of what is left of the model's errors.
+    pub deviation: ModelDeviation,
+    /// Mean squared normalised innovation: about 1 where the deviations are right.
+    pub misfit: f64,
+    /// Number of hovers it was learnt from.
+    pub hovers: usize,
+}
+
+/// Collects hovers, and learns from them.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct ModelLearner {
+    meter: HoverMeter,
+    hovers: [Hover; MAX_HOVERS],
+    count: usize,
+    total: usize,
+    refusal: Option<Refusal>,
+}
+
+impl ModelLearner {
+    /// One tick without contact; `still` says whether the set-point rests.
+    pub fn observe(&mut self, vehicle: &Vehicle, still: bool, sample: &HoverSample, dt: f64) {
+        if still {
+            self.meter.add(vehicle, sample, dt);
+        } else {
+            self.close(vehicle);
+        }
+    }
+
+    fn close(&mut self, vehicle: &Vehicle) {
+        let Some((hover, away)) = self.meter.finish(vehicle).filter(|(hover, _)| hover.is_finite()) else {
+            return;
+        };
+        self.total = self.total.saturating_add(1);
+        let (force, torque) = (away.force.norm(), away.torque.norm());
+        if force > STEADY.0 || torque > STEADY.1 {
+            self.refusal.get_or_insert(Refusal::NotStill { hover: self.total, force, torque });
+        }
+        self.hovers.rotate_right(1);
+        if let Some(first) = self.hovers.first_mut() {
+            *first = hover;
+        }
+        self.count = (self.count + 1).min(MAX_HOVERS);
+    }
+
+    /// What the hovers since the last call say of the vehicle's model.
+    ///
+    /// # Errors
+    /// Why they say nothing; the learner begins anew all the same.
+    pub fn finish(&mut self, vehicle: &Vehicle) -> Result<Learnt, Refusal> {
+        self.close(vehicle);
+        let done = core::mem::take(self);
+        if let Some(refusal) = done.refusal {
+            return Err(refusal);
+        }
+        let hovers = done.hovers.get(..done.count).unwrap_or(&[]);
+        if hovers.is_empty() {
+            return Err(Refusal::NoHover);
+        }
+        let prior = ModelPrior::CAD;
+        let estimate = Estimate::of(vehicle, &prior, hovers);
+        let correction = estimate.correction(vehicle, &prior);
+        let freedom = 6.0 * hovers.len() as f64;
+        let credible = freedom + CREDIBLE.0 * libm::sqrt(2.0 * freedom);
+        let possible = estimate.misfit <= credible && estimate.is_within(CREDIBLE.1);
+        let corrected = vehicle.corrected(&correction).filter(|_| possible);
+        let Some(corrected) = corrected else {
+            let largest = |of: fn(&Wrench) -> f64| {
+                hovers.iter().map(|hover| of(&hover.wrench(vehicle))).fold(0.0, f64::max)
+            };
+            let (force, torque) = (largest(|w| w.force.norm()), largest(|w| w.torque.norm()));
+            return Err(Refusal::NotTheModel { force, torque });
+        };
+        Ok(Learnt {
+            deviation: estimate.deviations(&corrected, &prior),
+            vehicle: corrected,
+            centre_r: correction.centre_r,
+            misfit: estimate.misfit / freedom,
+            hovers: hovers.len(),
+        })
+    }
+}

@@ -1,0 +1,85 @@
+//! A pose in a UDP packet: the way in for whatever speaks neither NatNet nor VRPN.
+//!
+//! 80 bytes, little-endian, and behind them the body's name in UTF-8 (1 to 64 bytes):
+//!
+//! | offset | type | |
+//! |---|---|---|
+//! | 0 | 8 bytes | `tilthex1` |
+//! | 8 | u32 | number of the packet, one more each time |
+//! | 12 | u32 | bit 0: the body is seen |
+//! | 16 | f64 | when the pose was taken, s, on any clock that does not jump |
+//! | 24 | 3 x f64 | position, m |
+//! | 48 | 4 x f64 | orientation, unit quaternion, scalar last |
+
+use crate::{Malformed, bytes::Reader};
+
+/// Where packets are expected unless an address names another port.
+pub const PORT: u16 = 7411;
+/// Longest packet, bytes.
+pub const MAX_LENGTH: usize = HEAD + MAX_NAME;
+const MAGIC: [u8; 8] = *b"tilthex1";
+const HEAD: usize = 80;
+const MAX_NAME: usize = 64;
+const SEEN: u32 = 1;
+
+/// One pose of one body.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct PosePacket<'a> {
+    /// One more each time; wraps.
+    pub number: u32,
+    /// Whether the body is seen.
+    pub tracking_valid: bool,
+    /// When the pose was taken, s, sender's clock.
+    pub time: f64,
+    /// m.
+    pub position: [f64; 3],
+    /// Scalar last.
+    pub quaternion_xyzw: [f64; 4],
+    /// The body's name, UTF-8.
+    pub body: &'a [u8],
+}
+
+impl<'a> PosePacket<'a> {
+    /// Reads a packet.
+    ///
+    /// # Errors
+    /// Which part is not as described above.
+    pub fn parse(packet: &'a [u8]) -> Result<Self, Malformed> {
+        let mut reader = Reader::new(packet);
+        if reader.array() != Some(MAGIC) {
+            return Err(Malformed("mark"));
+        }
+        let number = reader.u32().ok_or(Malformed("number"))?;
+        let flags = reader.u32().ok_or(Malformed("flags"))?;
+        let mut numbers = [0.0; 8];
+        for number in &mut numbers {
+            *number = reader.f64().filter(|x| x.is_finite()).ok_or(Malformed("time or pose"))?;
+        }
+        let [time, x, y, z, qx, qy, qz, qw] = numbers;
+        let body = reader.rest();
+        if body.is_empty() || body.len() > MAX_NAME {
+            return Err(Malformed("name"));
+        }
+        Ok(Self {
+            number,
+            tracking_valid: flags & SEEN != 0,
+            time,
+            position: [x, y, z],
+            quaternion_xyzw: [qx, qy, qz, qw],
+            body,
+        })
+    }
+
+    /// Writes the packet; its length. A longer name than 64 bytes is cut.
+    pub fn encode(&self, packet: &mut [u8; MAX_LENGTH]) -> usize {
+        let [x, y, z] = self.position;
+        let [qx, qy, qz, qw] = self.quaternion_xyzw;
+        let words = MAGIC
+            .into_iter()
+            .chain(self.number.to_le_bytes())
+            .chain(u32::from(self.tracking_valid).to_le_bytes())
+            .chain([self.time, x, y, z, qx, qy, qz, qw].into_iter().flat_map(f64::to_le_bytes))
+            .chain(self.body.iter().take(MAX_NAME).copied());
+        packet.iter_mut().zip(words).map(|(to, from)| *to = from).count()
+    }
+}

@@ -1,0 +1,121 @@
+//! Poses in UDP packets: the codec, and a client among wrong, late and forged packets.
+#![cfg(feature = "net")]
+
+use std::{
+    net::{Ipv4Addr, UdpSocket},
+    sync::atomic::{AtomicBool, Ordering},
+    time::Duration,
+};
+
+use proptest::prelude::*;
+use tilthex_mocap::{
+    ClientParams,
+    net::{Client, MocapUri},
+    udp::{MAX_LENGTH, PosePacket},
+};
+
+fn packet(number: u32, x: f64, body: &[u8]) -> Vec<u8> {
+    let pose = PosePacket {
+        number,
+        tracking_valid: true,
+        time: 0.01 * f64::from(number),
+        position: [x, 0.0, 1.0],
+        quaternion_xyzw: [0.0, 0.0, 0.0, 1.0],
+        body,
+    };
+    let mut bytes = [0; MAX_LENGTH];
+    let length = pose.encode(&mut bytes);
+    bytes[..length].to_vec()
+}
+
+proptest! {
+    #[test]
+    fn what_is_written_is_read(
+        number: u32, tracking_valid: bool, time in -1e9..1e9f64, position in prop::array::uniform3(-1e3..1e3f64),
+        quaternion_xyzw in prop::array::uniform4(-1.0..1.0f64), body in prop::collection::vec(any::<u8>(), 1..=64),
+    ) {
+        let pose = PosePacket { number, tracking_valid, time, position, quaternion_xyzw, body: &body };
+        let mut bytes = [0; MAX_LENGTH];
+        let length = pose.encode(&mut bytes);
+        prop_assert_eq!(length, 80 + body.len());
+        prop_assert_eq!(PosePacket::parse(&bytes[..length]), Ok(pose));
+        // Cut anywhere before the name's first byte it is refused.
+        for cut in 0..=80 {
+            prop_assert!(PosePacket::parse(&bytes[..cut]).is_err());
+        }
+    }
+
+    #[test]
+    fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = PosePacket::parse(&bytes);
+        let _ = PosePacket::parse(&[b"tilthex1", &bytes[..]].concat());
+    }
+}
+
+/// Ends the sender's thread also where an assertion fails.
+struct OnDrop<'a>(&'a AtomicBool);
+
+impl Drop for OnDrop<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn a_client_takes_one_senders_poses_of_its_body_and_nothing_else() {
+    let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+    let port = free.local_addr().expect("bound").port();
+    drop(free);
+    let uri: MocapUri = format!("udp://127.0.0.1:{port}/hex").parse().expect("valid");
+    let (connected, ended) = (AtomicBool::new(false), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        let _end = OnDrop(&ended);
+        scope.spawn(|| {
+            let (sender, forger) = (
+                UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port"),
+                UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port"),
+            );
+            let mut number = 0;
+            while !ended.load(Ordering::Relaxed) {
+                number += 1;
+                let send = |socket: &UdpSocket, bytes: &[u8]| {
+                    let _ = socket.send_to(bytes, (Ipv4Addr::LOCALHOST, port));
+                };
+                send(&sender, &packet(number, 0.5, b"hex"));
+                send(&sender, &packet(number + 1, 9.0, b"other"));
+                send(&sender, b"tilthex1 and more");
+                if connected.load(Ordering::Relaxed) {
+                    send(&sender, &packet(number, 9.0, b"hex"));
+                    send(&forger, &packet(number + 1, 9.0, b"hex"));
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            }
+        });
+        let (client, mut poses) = Client::start(&uri, ClientParams::default()).expect("poses come");
+        connected.store(true, Ordering::Relaxed);
+        std::thread::sleep(Duration::from_millis(300));
+        let mut count = 0;
+        while let Ok(pose) = poses.pop() {
+            assert_eq!(pose.position_w.as_slice(), [0.5, 0.0, 1.0]);
+            assert!(pose.time <= pose.arrival && pose.tracking_valid);
+            count += 1;
+        }
+        let status = client.status();
+        assert!(count > 10, "{count}");
+        assert!(status.refused > 10, "{status:?}");
+        assert_eq!(status.dropped, 0);
+    });
+}
+
+#[test]
+fn nobody_who_sends_is_one_sentence() {
+    let taken = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0)).expect("a port");
+    let port = taken.local_addr().expect("bound").port();
+    let uri: MocapUri = format!("udp://127.0.0.1:{port}/hex").parse().expect("valid");
+    let refusal = || Client::start(&uri, ClientParams::default()).expect_err("refused").to_string();
+    assert!(refusal().contains("name a free port"), "{}", refusal());
+    drop(taken);
+    let message = refusal();
+    assert!(message.contains("no UDP pose of `hex` came from 127.0.0.1"), "{message}");
+    assert!(!message.contains('\n'));
+}

@@ -1,0 +1,112 @@
+//! A vehicle taken from its drawings flies the calibration, and from then on feels what touches it.
+#![allow(clippy::unwrap_used)]
+
+use tilthex_config::{Config, TruthSection, VehicleSection};
+use tilthex_core::{
+    Vector3, Wrench,
+    flight::Route,
+    plant::SensorParams,
+    so3,
+    trajectory::{Limits, Waypoint},
+};
+use tilthex_sim::{
+    Pushes,
+    simulate::{PERIOD, Record, Scenario, Start, run},
+};
+
+/// Take-off and calibration are over by then, and the tilted hover has settled, s.
+const SETTLED: f64 = 52.0;
+const END: f64 = 56.0;
+
+fn config(calibration: &str) -> Config {
+    let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
+    let changes = format!("mission = {{ calibration = \"{calibration}\" }}");
+    config.overlaid(changes.parse().unwrap()).unwrap()
+}
+
+/// Takes off, calibrates, and hovers tilted by 15 degrees in a direction of the seed's own.
+fn flown(calibration: &str, truth: &str, seed: u64, sensors: SensorParams, estimate: bool) -> Record {
+    let direction = 2.4 * seed as f64;
+    let axis = Vector3::new(direction.cos(), direction.sin(), 0.0);
+    let tilted = Waypoint {
+        position_w: Vector3::new(0.12, 0.0, 1.0),
+        rotation_we: so3::exp(&(axis * 15f64.to_radians())),
+        wrench_w: Wrench::ZERO,
+        duration: 2.0,
+        hold: 1000.0,
+    };
+    let limits =
+        Limits { velocity: 0.4, acceleration: 0.8, angular_velocity: 0.5, angular_acceleration: 1.0 };
+    run(&Scenario {
+        config: &config(calibration),
+        start: Start::Ground(Some(Route::new(&[tilted], &limits).unwrap())),
+        pushes: Pushes::new(vec![]),
+        duration: END,
+        truth: TruthSection::named(truth).unwrap(),
+        sensors,
+        seed,
+        estimate,
+        pose_delay: 0.015,
+    })
+    .unwrap()
+}
+
+/// Mean tool force, N, and torque, N m, of the tilted hover.
+fn felt(record: &Record) -> (f64, f64) {
+    let rows = record.get("wrench_tool").unwrap().values.chunks_exact(6);
+    let from = (SETTLED / PERIOD) as usize;
+    let (mut force, mut torque, mut count) = (Vector3::zeros(), Vector3::zeros(), 0.0);
+    for row in rows.skip(from) {
+        force += Vector3::new(row[0], row[1], row[2]);
+        torque += Vector3::new(row[3], row[4], row[5]);
+        count += 1.0;
+    }
+    (force.norm() / count, torque.norm() / count)
+}
+
+#[test]
+fn false_contact_is_gone_at_an_attitude_that_was_not_flown() {
+    let mut sums = [0.0; 4];
+    const SEEDS: u64 = 6;
+    for seed in 71..71 + SEEDS {
+        let before = felt(&flown("none", "cad", seed, SensorParams::EXPERIMENTS, true));
+        let after = felt(&flown("tilts", "cad", seed, SensorParams::EXPERIMENTS, true));
+        println!("{seed}: {before:.3?} {after:.3?}");
+        for (sum, x) in sums.iter_mut().zip([before.0, before.1, after.0, after.1]) {
+            *sum += x / SEEDS as f64;
+        }
+        assert!(after.0 < 0.1 && after.1 < 0.05, "{seed}: {after:?}");
+    }
+    println!("{sums:.3?}");
+    assert!(sums[2] < 0.2 * sums[0] && sums[3] < 0.2 * sums[1], "{sums:?}");
+}
+
+#[test]
+fn the_model_changes_without_a_jump() {
+    for seed in 3..6 {
+        for estimate in [false, true] {
+            let record = flown("tilts", "cad", seed, SensorParams::IDEAL, estimate);
+            let command = record.get("rotor_command").unwrap();
+            let wrench = record.get("wrench_tool").unwrap();
+            // What was taken for contact in hover is gone from one tick to the next.
+            let size = |row: &[f64]| Vector3::new(row[0], row[1], row[2]).norm();
+            let rows: Vec<&[f64]> = wrench.values.chunks_exact(6).collect();
+            let (change, drop) = rows
+                .windows(2)
+                .enumerate()
+                .skip((15.0 / PERIOD) as usize)
+                .map(|(i, w)| (i + 1, size(w[0]) - size(w[1])))
+                .max_by(|a, b| a.1.total_cmp(&b.1))
+                .unwrap();
+            assert!(drop > 0.1, "{seed}: {drop}");
+            let commands: Vec<&[f64]> = command.values.chunks_exact(6).collect();
+            let step = |k: usize| {
+                commands[k].iter().zip(commands[k - 1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+            };
+            let usual = (change - 200..change - 5).map(step).fold(0.0, f64::max);
+            let at = (change - 2..change + 20).map(step).fold(0.0, f64::max);
+            println!("{seed} {estimate}: {drop:.3} N, {usual:.4} Hz then {at:.4} Hz");
+            assert!(at < 2.0 * usual + 0.05, "{seed} {estimate}: {usual} Hz, then {at} Hz");
+        }
+    }
+}
