@@ -277,7 +277,8 @@ impl Controller {
     /// Whether a wrench, of which only the size counts, is small enough to learn a bias beside it.
     #[must_use]
     pub fn is_small(&self, wrench: &Wrench) -> bool {
-        wrench.force.norm() < BIAS_SPREAD.0 * self.scale.0 && wrench.torque.norm() < BIAS_SPREAD.1 * self.scale.1
+        wrench.force.norm() < BIAS_SPREAD.0 * self.scale.0
+            && wrench.torque.norm() < BIAS_SPREAD.1 * self.scale.1
     }
 
     /// Whether what is being learnt can be a bias: neither larger than errors of the model make it, nor unsteady, as
@@ -288,7 +289,10 @@ impl Controller {
         let (force, torque) = estimator.spread();
         let largest = (LARGEST_BIAS.0 * self.scale.0, LARGEST_BIAS.1 * self.scale.1);
         let spread = (BIAS_SPREAD.0 * self.scale.0, BIAS_SPREAD.1 * self.scale.1);
-        mean.force.norm() < largest.0 && mean.torque.norm() < largest.1 && force < spread.0 && torque < spread.1
+        mean.force.norm() < largest.0
+            && mean.torque.norm() < largest.1
+            && force < spread.0
+            && torque < spread.1
     }
 
     /// One tick: `dt` is the measured time since the last, s.

@@ -36,8 +36,7 @@ impl Flight {
                 let learns_model = guided.learn_model || self.learns_model;
                 self.learn_model(learns_model, &guided.setpoint, rotor_speeds, dt);
                 let controller = if late { &self.slow_controller } else { &self.controller };
-                let compliant =
-                    guided.compliant && !self.learns && !learns_model && !self.model.is_pending();
+                let compliant = guided.compliant && !self.learns && !learns_model && !self.model.is_pending();
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.specific_force_r(),

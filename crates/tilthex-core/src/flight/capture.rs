@@ -7,9 +7,7 @@
 use crate::{
     estimator::Estimator,
     so3,
-    supervisor::limits::{
-        CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSES_REFUSED, RECKONED_FIRST,
-    },
+    supervisor::limits::{CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSES_REFUSED, RECKONED_FIRST},
     types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
 };
@@ -21,8 +19,6 @@ const EXPLAINED: f64 = 0.6;
 
 /// So much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
-/// Likewise of its velocity.
-const VELOCITY_FOLLOWS: f64 = 0.4;
 /// How far the IMU alone may drift, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
 
@@ -139,14 +135,11 @@ impl CaptureWatch {
         let (far, fast) = CAPTURE_AGREES;
         let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack;
         if window.time > window.length {
-            // Its attitude goes on by the gyro, and its velocity by the accelerometer: those of the estimate may follow
-            // poses that stand still.
+            // Its attitude goes on by the gyro: that of the estimate may follow poses that stand still.
             let own = window.reckoned.rotation_wi;
             let apart = so3::log(&(own.transpose() * state.rotation_wi));
             let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
-            let velocity_w = window.reckoned.velocity_w + VELOCITY_FOLLOWS * off_velocity_w;
-            let reckoned = Navigation { rotation_wi, velocity_w, ..fresh.reckoned };
-            self.window = Some(Window { reckoned, ..fresh });
+            self.window = Some(Window { reckoned: Navigation { rotation_wi, ..fresh.reckoned }, ..fresh });
         }
         if !contradicts || self.lies {
             return None;

@@ -30,11 +30,8 @@ impl Flight {
         let actual = self.actual_tool();
         let near = |reference: &Setpoint| (reference.position_w - actual.position_w).norm() < FOLLOWED;
         let from = self.output.map(|o| o.reference).filter(near).unwrap_or(actual);
-        let retreat_w = if matches!(before, Phase::Flying | Phase::Holding) {
-            self.retreat()
-        } else {
-            Vector3::zeros()
-        };
+        let retreat_w =
+            if matches!(before, Phase::Flying | Phase::Holding) { self.retreat() } else { Vector3::zeros() };
         self.land_from(&from, &retreat_w);
     }
 

@@ -175,7 +175,13 @@ impl Landing {
     fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
         let (slow, fast) = FORCED_SPEEDS;
         let sinking = -seen.velocity;
-        let rate = if sinking < slow { -FORCED } else if sinking > fast { 5.0 * FORCED } else { 0.0 };
+        let rate = if sinking < slow {
+            -FORCED
+        } else if sinking > fast {
+            5.0 * FORCED
+        } else {
+            0.0
+        };
         let carried = (self.carried.unwrap_or(1.0) + rate * dt).max(LOADS.1).min(1.0);
         self.carried = Some(carried);
         let still = carried <= LOADS.1 && seen.velocity.abs() < STILL.0;
@@ -239,7 +245,11 @@ mod tests {
             let speed = core::cell::Cell::new(0.0);
             let pushed = |_, [least, most]: Lift| {
                 let carried = if least == most { most } else { WEIGHT - push };
-                speed.set(if least == most { speed.get() + (carried + push - WEIGHT) * 0.5 * DT } else { 0.0 });
+                speed.set(if least == most {
+                    speed.get() + (carried + push - WEIGHT) * 0.5 * DT
+                } else {
+                    0.0
+                });
                 let observed_w = Some(Vector3::new(0.0, 0.0, push));
                 Seen { missing: WEIGHT - carried, observed_w, sinks: None, velocity: speed.get(), ..AIR }
             };

@@ -128,8 +128,7 @@ impl RotorModel {
     /// How many motors are measured far from the model.
     #[must_use]
     pub(super) fn wrong_speeds(&self, motors: &[Motor], now: f64) -> usize {
-        let wrong =
-            self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED);
+        let wrong = self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED);
         (wrong & !self.doubted).count_ones() as usize
     }
 

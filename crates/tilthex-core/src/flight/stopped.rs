@@ -56,7 +56,8 @@ mod tests {
     #[test]
     fn what_lifts_has_not_stopped_and_what_turns_again_is_believed() {
         let mut watch = StoppedWatch::default();
-        let mut run = |measured, own, lifting| (0..100).map(|_| watch.step(measured, own, lifting, 2e-3)).last();
+        let mut run =
+            |measured, own, lifting| (0..100).map(|_| watch.step(measured, own, lifting, 2e-3)).last();
         assert_eq!(run(0b10, 0, 0), Some(0b10));
         assert_eq!(run(0, 0, 0), Some(0));
         assert_eq!(run(0b10, 0, 0b10), Some(0));

@@ -138,7 +138,9 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
     }
     let mut best: Option<(usize, f64)> = None;
     for (i, speed) in speeds.iter().enumerate().take(vehicle.rotor_count()) {
-        let Some(given) = column(vehicle, arm, i).map(|column| column * (speed * speed.abs())) else { continue };
+        let Some(given) = column(vehicle, arm, i).map(|column| column * (speed * speed.abs())) else {
+            continue;
+        };
         let missing = -found.dot(&given) / given.norm_squared().max(1e-12);
         let unexplained = (found + given * missing).norm() / size;
         if MISSING.contains(&missing) && unexplained < best.map_or(UNEXPLAINED, |(_, least)| least) {

@@ -28,9 +28,8 @@ fn a_captured_body_that_is_askew_is_refused_before_the_ramp() {
     for degrees in [3.0_f64, 14.0] {
         let mut world = World::preset("tilt-hex", "exact", 151);
         let askew = so3::exp(&Vector3::new(degrees.to_radians(), 0.0, 0.0));
-        world.capture = Box::new(move |_, pose| {
-            Some(PoseSample { rotation_wr: pose.rotation_wr * askew, ..pose })
-        });
+        world.capture =
+            Box::new(move |_, pose| Some(PoseSample { rotation_wr: pose.rotation_wr * askew, ..pose }));
         world.run(15.0);
         let why = world.linked.flight.start_refused().map(|e| e.to_string()).unwrap_or_default();
         assert!(why.contains("degrees apart"), "{degrees}: {why}");
@@ -61,9 +60,11 @@ fn axes_of_motion_capture_that_are_wrong_show_in_the_first_decimetres() {
 /// Vehicles that are not their model, and fly well all the same.
 #[test]
 fn good_vehicles_are_not_stopped() {
-    for (preset, truth, seeds) in
-        [("tilt-hex", "cad", 170..182), ("tilt-hex-light", "measured", 182..188), ("hexarotor", "measured", 188..192)]
-    {
+    for (preset, truth, seeds) in [
+        ("tilt-hex", "cad", 170..182),
+        ("tilt-hex-light", "measured", 182..188),
+        ("hexarotor", "measured", 188..192),
+    ] {
         for seed in seeds {
             let mut world = World::preset(preset, truth, seed);
             let flew = world.until(30.0, |w| w.linked.flight.on_mission());

@@ -14,7 +14,12 @@ fn a_line_that_becomes_late_is_a_fault_of_its_own_and_does_not_tumble() {
         assert!(world.saw(Fault::LineLate), "{delay}");
         assert_eq!(world.ended_by(), Some(Fault::LineLate), "{delay}");
         assert!(ended && world.simulation.stands(), "{delay}: {:?}", world.phase());
-        assert!(world.farthest < 0.6 && world.fastest < 1.5, "{delay}: {:.2} m, {:.2} m/s", world.farthest, world.fastest);
+        assert!(
+            world.farthest < 0.6 && world.fastest < 1.5,
+            "{delay}: {:.2} m, {:.2} m/s",
+            world.farthest,
+            world.fastest
+        );
         assert!(world.stopped_at.unwrap() < 0.1);
     }
 }

@@ -17,7 +17,11 @@ fn a_touch_on_an_arm_is_no_lost_rotor() {
         for (k, arm) in arms.iter().cycle().take(24).enumerate() {
             // Without lateral force of its own, what pushes aside at an arm's end turns the vehicle.
             let aside = if preset == "tilt-hex" { random.normal3(1.0) } else { Vector3::zeros() };
-            let size = if preset == "tilt-hex" { 1.2 + 4.8 * random.uniform() } else { 2.5 + 2.5 * random.uniform() };
+            let size = if preset == "tilt-hex" {
+                1.2 + 4.8 * random.uniform()
+            } else {
+                2.5 + 2.5 * random.uniform()
+            };
             let force = (Vector3::new(0.0, 0.0, -1.0) + aside).normalize() * size;
             if world.phase() != Phase::Flying {
                 // Another limit of the last push made it land.

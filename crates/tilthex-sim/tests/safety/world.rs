@@ -59,7 +59,13 @@ impl World {
     }
 
     /// Of a set-up, for a plant whose legs are `leg` long where that is not what the tool needs.
-    pub(crate) fn of(config: &Config, plant: Plant, sensors: SensorParams, leg: Option<f64>, seed: u64) -> Self {
+    pub(crate) fn of(
+        config: &Config,
+        plant: Plant,
+        sensors: SensorParams,
+        leg: Option<f64>,
+        seed: u64,
+    ) -> Self {
         let leg = leg.unwrap_or_else(|| (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05);
         let (rig, cruelty) = Rig::new(plant, leg, seed);
         let simulation = Simulation::with_body(rig, plant, sensors, FirmwareParams::default(), seed);
@@ -112,7 +118,8 @@ impl World {
     /// Height of its lowest point above the ground, however it lies, m.
     pub(crate) fn clearance(&self) -> f64 {
         let (robot, leg) = (self.simulation.truth().robot, self.start_w.z);
-        let feet = [(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)].map(|(x, y)| Vector3::new(x, y, -leg));
+        let feet =
+            [(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)].map(|(x, y)| Vector3::new(x, y, -leg));
         let body = [(0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)].map(|(x, y)| Vector3::new(x, y, 0.0));
         let points = feet.iter().chain(&body).map(|r| (robot.position_w + robot.rotation_wr * r).z);
         points.fold(f64::INFINITY, f64::min)
@@ -171,7 +178,9 @@ impl World {
                 self.stopped_at = Some(self.clearance());
             }
         }
-        if std::env::var_os("VERBOSE").is_some() && (before != self.phase() || self.ticks.is_multiple_of(self.every)) {
+        if std::env::var_os("VERBOSE").is_some()
+            && (before != self.phase() || self.ticks.is_multiple_of(self.every))
+        {
             let record = &self.out.commanded.record;
             let names: Vec<_> = record.faults.rows().map(|r| r.name).collect();
             println!(
