@@ -24,7 +24,7 @@ help:
 demo:
 	mkdir -p out
 	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- \
-		--sim --duration 20 --pushes examples/push.toml --overwrite --log out/demo.mcap
+		--sim --take-off --duration 20 --pushes examples/push.toml --overwrite --log out/demo.mcap
 
 test: lint rust-test python-test
 

@@ -45,6 +45,23 @@ PAGES = (
         ("tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",),
     ),
     Page(
+        "model",
+        "Vehicles that are not their model, after the calibration flight",
+        (
+            "python -m benchmarks.false_contact --seeds 100 --first 1000",
+            *(
+                f"tilthex experiment {name} --truth {truth} --calibration tilts --out out/results/{truth}"
+                for truth in ("measured", "cad")
+                for name in (
+                    "shaping --seed 4011",
+                    "sliding --seed 4012",
+                    "multi-contact --seed 4013",
+                    "peg-in-hole --random 100 --seed 4014",
+                )
+            ),
+        ),
+    ),
+    Page(
         "consistency",
         "Consistency of the estimator",
         ("cargo test --release --locked -p tilthex-core --test consistency -- --nocapture",),

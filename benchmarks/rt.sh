@@ -35,7 +35,7 @@ measure() {
     # At the same time, half a period apart: what the machine takes, it takes from both.
     cyclictest -q -m -p 49 -i 2000 -D "$seconds" -h 20000 -a "$last" -t 1 > "$out/cyclictest" 2> /dev/null &
     cyclic=$!
-    "$program" --port "$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --duration "$seconds" --log "$out/flight.mcap" \
+    "$program" --port "$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --no-battery-limits --take-off --duration "$seconds" --log "$out/flight.mcap" \
         --control 127.0.0.1:0 > "$out/rt" 2> "$out/warnings" &
     flight=$!
     largest=0

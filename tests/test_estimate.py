@@ -112,7 +112,7 @@ def test_calibration_finds_offset_turn_and_latency(config):
 @pytest.mark.skipif(shutil.which("tilthex-rt") is None, reason="tilthex-rt is not installed")
 def test_estimates_from_a_log(tmp_path, capsys):
     log = tmp_path / "flight.mcap"
-    flight = ["tilthex-rt", "--sim", "--duration", "6", "--log", str(log)]
+    flight = ["tilthex-rt", "--sim", "--take-off", "--duration", "6", "--log", str(log)]
     subprocess.run(flight, check=True, capture_output=True, timeout=120)
     assert main(["estimate", str(log), "--plot", str(tmp_path / "p.png")]) == 0
     printed = capsys.readouterr().out

@@ -28,7 +28,7 @@ COMMANDS = (["plot"], ["fit"], ["estimate"])
 def flight(tmp_path_factory):
     """The log of a flight of some seconds."""
     path = tmp_path_factory.mktemp("logs") / "flight.mcap"
-    result = run("--sim", "--duration", "3", "--log", path)
+    result = run("--sim", "--take-off", "--duration", "3", "--log", path)
     assert result.returncode == 0, result.stderr
     return path.read_bytes()
 

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 import pytest
-from test_programs import control_port, program, run, sentence, started, vehicle, wait_for
+from test_programs import FLY, control_port, program, run, sentence, started, vehicle, wait_for
 from tilthex import connect
 
-FLIGHT = ["--sim", "--duration", "1"]
+FLIGHT = ["--sim", "--take-off", "--duration", "1"]
 
 
 def fly(stdout, stderr=subprocess.PIPE, arguments=FLIGHT, **options):
@@ -80,7 +80,7 @@ def test_signals_land_whatever_becomes_of_the_output(tmp_path, ending):
     log = tmp_path / "flight.mcap"
     with full_pipe() as pipe:
         process = subprocess.Popen(
-            [program("tilthex-rt"), "--sim", "--log", log], stdout=pipe, stderr=pipe, text=True
+            [program("tilthex-rt"), "--sim", "--take-off", "--log", log], stdout=pipe, stderr=pipe, text=True
         )
         try:
             # Its log grows while it flies.
@@ -115,7 +115,7 @@ def test_commands_whose_reader_leaves_do_not_panic(tmp_path, arguments):
 
 
 @pytest.mark.parametrize("name", ["log.mcap", "link.mcap"])
-@pytest.mark.parametrize("link", [["--sim"], ["--port", "/dev/no-such-port"]])
+@pytest.mark.parametrize("link", [["--sim", "--take-off"], ["--take-off", "--port", "/dev/no-such-port"]])
 def test_a_log_that_is_there_is_not_touched(tmp_path, name, link):
     log = tmp_path / "log.mcap"
     log.write_bytes(b"precious")
@@ -127,11 +127,11 @@ def test_a_log_that_is_there_is_not_touched(tmp_path, name, link):
 def test_a_log_is_replaced_by_order_and_only_for_a_vehicle_that_is_there(tmp_path):
     log = tmp_path / "log.mcap"
     log.write_bytes(b"precious")
-    result = run("--port", "/dev/no-such-port", "--overwrite", "--log", log)
+    result = run(*FLY, "--port", "/dev/no-such-port", "--overwrite", "--log", log)
     assert "does not exist" in sentence(result, 3)
     assert log.read_bytes() == b"precious"
     new = tmp_path / "new.mcap"
-    assert run("--port", "/dev/no-such-port", "--log", new).returncode == 3
+    assert run(*FLY, "--port", "/dev/no-such-port", "--log", new).returncode == 3
     assert not new.exists()
     assert run(*FLIGHT, "--overwrite", "--log", log).returncode == 0
     assert run("replay", log).returncode == 0
@@ -139,7 +139,7 @@ def test_a_log_is_replaced_by_order_and_only_for_a_vehicle_that_is_there(tmp_pat
 
 def test_two_flights_do_not_share_a_log(tmp_path):
     log = tmp_path / "log.mcap"
-    with started("--sim", "--log", log, "--control", "127.0.0.1:0") as process:
+    with started("--sim", "--take-off", "--log", log, "--control", "127.0.0.1:0") as process:
         with connect(port=control_port(process)) as flight:
             wait_for(flight, lambda state: state["phase"] == "flying")
             second = run(*FLIGHT, "--overwrite", "--log", log)
@@ -152,7 +152,7 @@ def test_two_flights_do_not_share_a_log(tmp_path):
 @pytest.mark.parametrize(("act", "says"), [("delete", "deleted"), ("move", "moved or replaced")])
 def test_a_log_that_is_taken_away_in_flight_is_said(tmp_path, act, says):
     log = tmp_path / "log.mcap"
-    with started("--sim", "--log", log, "--control", "127.0.0.1:0") as process:
+    with started("--sim", "--take-off", "--log", log, "--control", "127.0.0.1:0") as process:
         with connect(port=control_port(process)) as flight:
             wait_for(flight, lambda state: state["phase"] == "flying")
             if act == "delete":
@@ -174,7 +174,7 @@ def test_a_report_of_a_fault_replaces_none(tmp_path):
     # Nobody ever reads a pipe: to open it would hold the program up.
     os.mkfifo(report)
     with vehicle("--mocap", "vrpn://127.0.0.1:17412/TILTHEX") as (simulated, port):
-        arguments = ["--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17412/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17412/TILTHEX"]
         with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
             with connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")

@@ -16,6 +16,10 @@ import pytest
 import tilthex
 
 ROOT = Path(__file__).parent.parent
+# What starts the motors of a vehicle at a port, whose battery the set-up does not know.
+FLY = ["--take-off", "--no-battery-limits"]
+# A simulated flight that hovers until an order.
+HOVER = ["--sim", "--take-off", "--control", "127.0.0.1:0"]
 PUSHES = "[[push]]\nat = 12.0\nduration = 20.0\nforce = [1.4, 0.0, 0.0]\n"
 
 
@@ -82,20 +86,25 @@ def sentence(result, status):
     ("arguments", "status", "says"),
     [
         ([], 2, "--port"),
-        (["--port", "/dev/no-such-port"], 3, "does not exist"),
-        (["--port", "/dev/null"], 3, "no serial port"),
-        (["--port", "FT0815"], 3, 'serial number "FT0815"'),
+        ([*FLY, "--port", "/dev/no-such-port"], 3, "does not exist"),
+        ([*FLY, "--port", "/dev/null"], 3, "no serial port"),
+        ([*FLY, "--port", "FT0815"], 3, 'serial number "FT0815"'),
         (["--sim", "--config", "no.toml"], 2, "no.toml"),
         (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
-        (["--sim", "--pushes", "no.toml"], 2, "no.toml"),
+        (["--sim", "--take-off", "--pushes", "no.toml"], 2, "no.toml"),
         (["--sim", "--log", "/dev/full"], 2, "it is a device; expected a file"),
         (["--sim", "--log", "/tmp"], 2, "it is a directory; expected a file"),
         (["--sim", "--config", "/dev/zero"], 2, "it is a device; expected a file"),
         (["--sim", "--trajectory", "/dev/zero"], 2, "it is a device; expected a file"),
-        (["--sim", "--pushes", "/dev/zero"], 2, "it is a device; expected a file"),
+        (["--sim", "--take-off", "--pushes", "/dev/zero"], 2, "it is a device; expected a file"),
         (["--sim", "--duration", "nan"], 2, "--duration"),
         (["--sim", "--control", "0.0.0.0:0"], 2, "every network"),
-        (["replay", "/dev/null"], 2, "MCAP"),
+        (["--sim", "--control", "[::ffff:0.0.0.0]:0"], 2, "every network"),
+        (["--sim", "--control", "192.0.2.1:0"], 2, "--control-token-file"),
+        (["--sim", "--duration", "1"], 2, "--take-off"),
+        (["--port", "/dev/null", "--no-battery-limits"], 2, "--take-off"),
+        (["--port", "/dev/null", "--take-off"], 2, "--no-battery-limits"),
+        (["replay", "/dev/null"], 2, "it is a device; expected a file"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):
@@ -117,7 +126,7 @@ def test_the_printed_configuration_is_a_configuration(tmp_path):
 def test_a_port_that_answers_something_else(tmp_path):
     master, slave = os.openpty()
     os.set_blocking(master, False)
-    with started("--port", os.ttyname(slave), "--baud", "0") as process:
+    with started(*FLY, "--port", os.ttyname(slave), "--baud", "0") as process:
         while process.poll() is None:
             with contextlib.suppress(BlockingIOError):
                 if b"?" in os.read(master, 1000):
@@ -130,18 +139,20 @@ def test_a_port_that_answers_something_else(tmp_path):
 
 def test_no_answer_and_no_pose():
     master, slave = os.openpty()
-    assert "no vehicle identified itself" in sentence(run("--port", os.ttyname(slave), "--baud", "0"), 3)
+    assert "no vehicle identified itself" in sentence(
+        run(*FLY, "--port", os.ttyname(slave), "--baud", "0"), 3
+    )
     os.close(master)
 
 
 def test_a_signal_before_the_start_ends_at_once_and_one_in_flight_lands(tmp_path):
-    with started("--sim", "--control", "127.0.0.1:0", "--wait") as process:
+    with started("--sim", "--control", "127.0.0.1:0") as process:
         control_port(process)
         time.sleep(1.0)
         process.send_signal(signal.SIGTERM)
         assert process.wait(20) == 130
         assert "had not started" in process.stderr.read()
-    with started("--sim", "--control", "127.0.0.1:0") as process:
+    with started("--sim", "--take-off", "--control", "127.0.0.1:0") as process:
         with tilthex.connect(port=control_port(process)) as flight:
             wait_for(flight, lambda state: state["phase"] == "flying")
             process.send_signal(signal.SIGHUP)
@@ -155,7 +166,7 @@ def test_a_signal_before_the_start_ends_at_once_and_one_in_flight_lands(tmp_path
 def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
     log = tmp_path / "flight.mcap"
     with (
-        started("--sim", "--control", "127.0.0.1:0", "--wait", "--log", log) as process,
+        started("--sim", "--control", "127.0.0.1:0", "--log", log) as process,
         tilthex.connect(port=control_port(process)) as flight,
     ):
         with pytest.raises(tilthex.OrderRefused, match="stiffness"):
@@ -184,7 +195,7 @@ def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
 def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_path):
     log = tmp_path / "flight.mcap"
     with vehicle("--mocap", "natnet://127.0.0.1:17410/TILTHEX") as (simulated, port):
-        arguments = ["--port", port, "--baud", "0", "--mocap", "natnet://127.0.0.1:17410/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", "natnet://127.0.0.1:17410/TILTHEX"]
         with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
             with tilthex.connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")
@@ -207,7 +218,7 @@ def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_pat
 def test_a_pulled_port_in_flight_is_the_links_fault(tmp_path):
     log = tmp_path / "flight.mcap"
     with vehicle("--mocap", "vrpn://127.0.0.1:17411/TILTHEX") as (simulated, port):
-        arguments = ["--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17411/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", "vrpn://127.0.0.1:17411/TILTHEX"]
         with started(*arguments, "--log", log, "--control", "127.0.0.1:0") as process:
             with tilthex.connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")
@@ -224,7 +235,7 @@ def test_a_disk_that_fills_up_does_not_end_the_flight(tmp_path):
         resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
 
     log = tmp_path / "flight.mcap"
-    result = run("--sim", "--duration", "1", "--log", log, preexec_fn=small_disk)
+    result = run("--sim", "--take-off", "--duration", "1", "--log", log, preexec_fn=small_disk)
     assert result.returncode == 0, result.stderr
     assert "breaks off" in result.stdout
 
@@ -235,7 +246,7 @@ def test_the_log_reads_with_common_tools(tmp_path):
     decoder = pytest.importorskip("mcap_protobuf.decoder")
     pushes, log = tmp_path / "pushes.toml", tmp_path / "flight.mcap"
     pushes.write_text(PUSHES)
-    result = run("--sim", "--duration", "9", "--pushes", pushes, "--log", log)
+    result = run("--sim", "--take-off", "--duration", "9", "--pushes", pushes, "--log", log)
     assert result.returncode == 0, result.stderr
     with log.open("rb") as file:
         reader = mcap.make_reader(file, decoder_factories=[decoder.DecoderFactory()])
@@ -287,7 +298,7 @@ def test_the_loop_makes_only_the_system_calls_that_are_documented(tmp_path):
     assert listed
     trace = tmp_path / "trace"
     with (
-        started("--sim", "--control", "127.0.0.1:0", "--log", tmp_path / "flight.mcap") as process,
+        started(*HOVER, "--log", tmp_path / "flight.mcap") as process,
         tilthex.connect(port=control_port(process)) as flight,
     ):
         wait_for(flight, lambda state: state["phase"] == "flying")

@@ -7,7 +7,7 @@ import threading
 import time
 
 import pytest
-from test_programs import control_port, started, vehicle, wait_for
+from test_programs import FLY, control_port, started, vehicle, wait_for
 from tilthex import connect
 
 
@@ -62,7 +62,7 @@ class Line:
 def test_a_flight_survives_broken_connections(times):
     with vehicle("--mocap", "vrpn://127.0.0.1:17413/TILTHEX") as (_, port):
         line = Line(17413)
-        arguments = ["--port", port, "--baud", "0", "--mocap", f"vrpn://127.0.0.1:{line.port}/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", f"vrpn://127.0.0.1:{line.port}/TILTHEX"]
         with started(*arguments, "--control", "127.0.0.1:0") as process:
             with connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")
@@ -80,7 +80,7 @@ def test_a_flight_survives_broken_connections(times):
 def test_a_server_that_goes_for_good_lands():
     with vehicle("--mocap", "vrpn://127.0.0.1:17414/TILTHEX") as (_, port):
         line = Line(17414)
-        arguments = ["--port", port, "--baud", "0", "--mocap", f"vrpn://127.0.0.1:{line.port}/TILTHEX"]
+        arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", f"vrpn://127.0.0.1:{line.port}/TILTHEX"]
         with started(*arguments, "--control", "127.0.0.1:0") as process:
             with connect(port=control_port(process)) as flight:
                 wait_for(flight, lambda state: state["phase"] == "flying")

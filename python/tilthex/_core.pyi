@@ -33,6 +33,7 @@ __all__ = [
     "Vehicle",
     "WrenchObserver",
     "__version__",
+    "calibration_flight",
     "exp",
     "hat",
     "log",

@@ -12,8 +12,11 @@ with tilthex.connect() as flight:
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import socket
+import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -22,6 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 DEFAULT_PORT = 7410
+# The flight holds when it has not heard of its operator for `[supervisor] operator_timeout`, s.
+HEARTBEAT = 0.2
 
 State = dict[str, Any]
 
@@ -30,34 +35,68 @@ class OrderRefused(ValueError):
     """The flight does not take an order; the text says why."""
 
 
-def connect(host: str = "127.0.0.1", port: int = DEFAULT_PORT, timeout: float = 2.0) -> Flight:
+def connect(
+    host: str = "127.0.0.1",
+    port: int = DEFAULT_PORT,
+    timeout: float = 2.0,
+    *,
+    path: str | os.PathLike[str] | None = None,
+    token: str | None = None,
+) -> Flight:
     """Connects to a running flight.
 
     Args:
         host: where `tilthex-rt --control` runs.
         port: of its control socket.
         timeout: for every answer, s.
+        path: of its Unix socket (`--control unix:PATH`), in place of host and port.
+        token: what the file of `--control-token-file` holds, where the flight asks for one.
 
     Raises:
         ConnectionError: nobody listens there.
+        OrderRefused: the token is not the flight's.
     """
+    where = f"{host}:{port}" if path is None else f"unix:{os.fspath(path)}"
     try:
-        return Flight(socket.create_connection((host, port), timeout))
+        if path is None:
+            connection = socket.create_connection((host, port), timeout)
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        else:
+            connection = socket.socket(socket.AF_UNIX)
+            connection.settimeout(timeout)
+            try:
+                connection.connect(os.fspath(path))
+            except OSError:
+                connection.close()
+                raise
     except OSError as error:
         raise ConnectionError(
-            f"no flight takes orders at {host}:{port} ({error}); start tilthex-rt with --control"
+            f"no flight takes orders at {where} ({error}); start tilthex-rt with --control"
         ) from error
+    return Flight(connection, token)
 
 
 class Flight:
-    """A connection to a running flight; `tilthex.connect` makes one."""
+    """A connection to a running flight; `tilthex.connect` makes one.
 
-    def __init__(self, connection: socket.socket) -> None:
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    A thread tells the flight that this program is there. A flight that has been ordered to move holds, and
+    lands later, when the program or the network is gone.
+    """
+
+    def __init__(self, connection: socket.socket, token: str | None = None) -> None:
         self._socket = connection
         self._lines = connection.makefile("r", encoding="utf-8", newline="\n")
         self._states: deque[State] = deque(maxlen=1000)
         self._id = 0
+        self._sending = threading.Lock()
+        self._closed = threading.Event()
+        try:
+            if token is not None:
+                self._order("authenticate", token=token)
+        except BaseException:
+            self.close()
+            raise
+        threading.Thread(target=self._beat, name="tilthex-heartbeat", daemon=True).start()
 
     def __enter__(self) -> Flight:
         return self
@@ -66,9 +105,14 @@ class Flight:
         self.close()
 
     def close(self) -> None:
-        """Ends the connection; the flight goes on."""
+        """Ends the connection. A flight that this client has ordered to move holds, and then lands."""
+        self._closed.set()
         self._lines.close()
         self._socket.close()
+
+    def take_controls(self) -> None:
+        """Takes the controls from whoever holds them; others may only `land` and `kill` from now on."""
+        self._order("take_controls")
 
     def take_off(self) -> None:
         """Starts the motors and takes off, as soon as everything is ready."""
@@ -151,15 +195,15 @@ class Flight:
         self._order("release_wrench")
 
     def zero_bias(self) -> None:
-        """Learns the wrench observer's bias anew; the tool must be free."""
+        """Learns the wrench observer's bias anew; the tool must be free, and no set-points streamed."""
         self._order("zero_bias")
 
     def land(self) -> None:
-        """Lands; `tilthex-rt` then ends."""
+        """Lands; `tilthex-rt` then ends. Anyone may, whoever holds the controls."""
         self._order("land")
 
     def kill(self) -> None:
-        """Stops the motors at once, wherever the vehicle is. It falls."""
+        """Stops the motors at once, wherever the vehicle is. It falls, and `tilthex-rt` ends. Anyone may."""
         self._order("kill")
 
     def state(self) -> State:
@@ -174,7 +218,7 @@ class Flight:
         return _arrays(state)
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
-        """States as they come, `rate` times a second (at most 100), until the flight ends.
+        """States as they come, `rate` times a second (0.1 to 100), until the flight ends.
 
         Orders may be given in between.
         """
@@ -198,8 +242,7 @@ class Flight:
 
     def _order(self, command: str, **arguments: Any) -> dict[str, Any]:
         self._id += 1
-        line = json.dumps({"id": self._id, "command": command, **arguments}, allow_nan=False)
-        self._socket.sendall(line.encode() + b"\n")
+        self._send({"id": self._id, "command": command, **arguments})
         while True:
             message = self._read()
             if message is None:
@@ -211,6 +254,18 @@ class Flight:
         if "error" in message:
             raise OrderRefused(message["error"])
         return message
+
+    def _send(self, request: dict[str, Any]) -> None:
+        line = json.dumps(request, allow_nan=False).encode() + b"\n"
+        with self._sending:
+            self._socket.sendall(line)
+
+    def _beat(self) -> None:
+        # Without an id, it is not answered.
+        # The flight may end before this does.
+        with contextlib.suppress(OSError):
+            while not self._closed.wait(HEARTBEAT):
+                self._send({"command": "heartbeat"})
 
     def _read(self) -> dict[str, Any] | None:
         try:

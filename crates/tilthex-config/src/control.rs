@@ -1,6 +1,7 @@
 //! The sections of the controller's blocks.
 
 use super::{
+    reach::Reach,
     section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
@@ -158,7 +159,12 @@ impl AttitudeSection {
 /// the attitude stands between the position's error and its force, and the
 /// position loop and the observer whose estimate it compensates must be slower.
 /// Such a vehicle has no other lateral force, and may turn further for it.
+/// And what each can push.
 pub(super) fn defaults(vehicle: &Vehicle) -> Result<Table, ConfigError> {
+    let reach = Reach::of(vehicle, 0.0);
+    // In tenths, within what the section takes.
+    let rounded = |found: f64, least: f64| ((10.0 * found).round() / 10.0).max(least);
+    let (force, torque) = (rounded(reach.largest_force(), 1.0), rounded(reach.largest_torque(), 0.1));
     let text = match vehicle.actuation() {
         Actuation::Pose => "",
         _ => {
@@ -167,7 +173,7 @@ pub(super) fn defaults(vehicle: &Vehicle) -> Result<Table, ConfigError> {
              attitude = { max_turn_deg = 45.0 }\n"
         }
     };
-    super::parse(text)
+    super::parse(&format!("{text}supervisor = {{ max_force = {force:?}, max_torque = {torque:?} }}\n"))
 }
 
 /// The controller's parameters, checked block by block so that an error names its section.

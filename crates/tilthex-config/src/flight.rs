@@ -1,6 +1,10 @@
 //! From a set-up to the parameters of a whole flight.
 
-use super::{Config, ConfigError, LinkSection, MissionSection, MocapSection, SupervisorSection, section};
+use std::time::Duration;
+
+use super::{
+    Config, ConfigError, LinkSection, MissionSection, MocapSection, OrdersSection, SupervisorSection, section,
+};
 use tilthex_core::{
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, WatchParams},
@@ -34,7 +38,7 @@ impl Config {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            guidance,
+            guidance: GuidanceParams { stream: self.orders.limits(), ..guidance },
             watch: self.supervisor.params(),
             take_off,
         };
@@ -142,13 +146,33 @@ impl MissionSection {
             bias_time: self.bias_time,
             calibration: self.calibration()?,
             limits: self.limits(),
+            stream: self.limits(),
             landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
         })
     }
 }
 
+impl OrdersSection {
+    /// The largest rates that an order may ask for.
+    #[must_use]
+    pub fn limits(&self) -> Limits {
+        Limits {
+            velocity: self.max_velocity,
+            acceleration: self.max_acceleration,
+            angular_velocity: self.max_angular_velocity_deg.to_radians(),
+            angular_acceleration: self.max_angular_acceleration_deg.to_radians(),
+        }
+    }
+}
+
 impl SupervisorSection {
+    /// Longest silence of an operator whose orders are flown; `None` for no limit.
+    #[must_use]
+    pub fn operator_timeout(&self) -> Option<Duration> {
+        (self.operator_timeout > 0.0).then(|| Duration::from_secs_f64(self.operator_timeout))
+    }
+
     fn params(&self) -> WatchParams {
         WatchParams {
             battery_low: self.battery_low,

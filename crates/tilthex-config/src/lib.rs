@@ -10,6 +10,7 @@ pub mod files;
 mod flight;
 pub mod orders;
 mod plausible;
+mod reach;
 mod section;
 mod sections;
 mod time_scales;
@@ -22,7 +23,7 @@ pub use control::{
 };
 pub use estimator::EstimatorSection;
 pub use section::{ConfigError, Described, Key, Section};
-pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, SupervisorSection};
+pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, OrdersSection, SupervisorSection};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;
 use toml::{Table, Value};
@@ -44,6 +45,7 @@ macro_rules! each_section {
             mocap: MocapSection,
             mission: MissionSection,
             supervisor: SupervisorSection,
+            orders: OrdersSection,
             log: LogSection,
         }
     };
@@ -165,6 +167,7 @@ impl Config {
             mocap: section::take(&mut table)?,
             mission: section::take(&mut table)?,
             supervisor: section::take(&mut table)?,
+            orders: section::take(&mut table)?,
             log: section::take(&mut table)?,
             controller,
         };

@@ -67,9 +67,10 @@ section! {
 section! {
     /// Limits whose crossing is a fault; docs/faults.md says what follows.
     pub SupervisorSection as "supervisor" {
-        /// The vehicle does not start, and lands, below this battery voltage; 0 for no limit.
+        /// The vehicle does not start, and lands, below this battery voltage; 0 for no limit, which
+        /// `tilthex-rt --port` takes only with --no-battery-limits.
         battery_low: f64 = 0.0 => "V" from 0.0 to 100.0,
-        /// Critical battery voltage; 0 for no limit.
+        /// Critical battery voltage; 0 likewise.
         battery_critical: f64 = 0.0 => "V" from 0.0 to 100.0,
         /// Largest distance from the reference.
         max_position_error: f64 = 0.3 => "m" from 0.01 to 10.0,
@@ -79,9 +80,9 @@ section! {
         max_tilt_deg: f64 = 60.0 => "degrees" from 1.0 to 180.0,
         /// Largest speed.
         max_speed: f64 = 3.0 => "m/s" from 0.1 to 100.0,
-        /// Largest estimated force on the tool.
+        /// Largest estimated force on the tool; unless given, what the level vehicle can push.
         max_force: f64 = 40.0 => "N" from 0.1 to 1e3,
-        /// Largest estimated torque on the tool.
+        /// Largest estimated torque on the tool; likewise.
         max_torque: f64 = 5.0 => "N m" from 0.01 to 1e3,
         /// Longest time from the first start command until all motors spin.
         start_timeout: f64 = 30.0 => "s" from 1.0 to 300.0,
@@ -89,6 +90,23 @@ section! {
         geofence: f64 = 3.0 => "m" from 0.1 to 1e4,
         /// The vehicle lands where it is higher than this above its start.
         geofence_height: f64 = 3.0 => "m" from 0.1 to 1e4,
+        /// Longest silence of the operator on the control socket while an order of theirs is flown; then the vehicle
+        /// holds, and lands later. 0 for no limit.
+        operator_timeout: f64 = 2.0 => "s" from 0.0 to 3600.0,
+    }
+}
+
+section! {
+    /// What an order on the control socket may ask for, besides what the vehicle can push and hold.
+    pub OrdersSection as "orders" {
+        /// Largest velocity of a streamed set-point and of a route's limits.
+        max_velocity: f64 = 1.5 => "m/s" from 1e-3 to 10.0,
+        /// Largest acceleration of either.
+        max_acceleration: f64 = 4.0 => "m/s^2" from 1e-3 to 20.0,
+        /// Largest angular velocity of either.
+        max_angular_velocity_deg: f64 = 90.0 => "degrees/s" from 0.1 to 1e3,
+        /// Largest angular acceleration of either.
+        max_angular_acceleration_deg: f64 = 360.0 => "degrees/s^2" from 0.1 to 1e4,
     }
 }
 

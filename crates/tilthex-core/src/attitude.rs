@@ -109,6 +109,8 @@ pub struct AttitudeState {
     /// The turn from the wanted to the chosen attitude.
     pub turn: TurnState,
     search: AllocatorState,
+    /// Part of the horizontal force that was possible last, in steps.
+    part: u16,
 }
 
 /// The attitude to fly.
@@ -127,8 +129,8 @@ pub struct Attitude {
 const ROUNDS: usize = 20;
 /// A force this part of its size away from the section is in it.
 const INSIDE: f64 = 1e-8;
-/// Halvings of the horizontal force in search of the largest possible.
-const HALVINGS: usize = 12;
+/// Steps of the horizontal force in search of the largest possible.
+const STEPS: u16 = 1 << 12;
 /// The vertical force that a turn is chosen for is at least this part of the weight, since in
 /// a fall, too, it must be known where up is; and this many times the least there is, so that
 /// less horizontal force never is the harder one.
@@ -221,31 +223,27 @@ impl AttitudeSelector {
         force_w: &Vector3,
         rotors: &RotorStatus,
     ) -> (Vector3, Vector3) {
+        let last = state.part;
         let mut turn = |force_w: &Vector3| self.turn(state, rotation_wr, force_w, rotors);
-        if turn(force_w).is_some_and(|t| t == Vector3::zeros()) {
+        let whole = turn(force_w);
+        if whole.is_some_and(|t| t == Vector3::zeros()) {
             return (Vector3::zeros(), *force_w);
         }
         let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
-        let mut allowed = |part: f64| {
-            turn(&Vector3::new(part * force_w.x, part * force_w.y, vertical))
-                .filter(|t| so3::angle(&(hover * so3::exp(t))) <= self.params.max_turn)
-        };
-        if let Some(t) = allowed(1.0) {
+        let kept = |turn: &Vector3| so3::angle(&(hover * so3::exp(turn))) <= self.params.max_turn;
+        let all = Vector3::new(force_w.x, force_w.y, vertical);
+        let whole = if all == *force_w { whole } else { turn(&all) };
+        if let Some(t) = whole.filter(kept) {
             return (t, *force_w);
         }
-        let mut best = (upright, 0.0);
-        let mut impossible = 1.0;
-        for _ in 0..HALVINGS {
-            let middle = 0.5 * (best.1 + impossible);
-            match allowed(middle) {
-                Some(t) => best = (t, middle),
-                None => impossible = middle,
-            }
-        }
-        let (turn, part) = best;
-        (turn, Vector3::new(part * force_w.x, part * force_w.y, force_w.z))
+        let cut = |part: u16| f64::from(part) / f64::from(STEPS);
+        let (best, part) = largest(last, upright, |part| {
+            turn(&Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, vertical)).filter(kept)
+        });
+        state.part = part;
+        (best, Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, force_w.z))
     }
 
     /// The least rotation vector, wanted body coordinates, whose turn makes the
@@ -278,7 +276,7 @@ impl AttitudeSelector {
     }
 
     /// The possible force nearest to `force_r` of those as large, if there are any; by cutting
-    /// planes, each the supporting plane of the section's point nearest to the last guess.
+    /// planes of the section, each before the last guess.
     fn nearest_of_size(
         &self,
         state: &mut AttitudeState,
@@ -289,18 +287,34 @@ impl AttitudeSelector {
         let mut sphere = Sphere::new(*force_r);
         let mut guess = *force_r;
         for _ in 0..ROUNDS {
-            let nearest = self.section.nearest(&mut state.search, &guess, rotors).force;
-            let outwards = guess - nearest;
-            let distance = outwards.norm();
-            if distance <= INSIDE * size {
-                break;
-            }
-            let normal = outwards / distance;
-            sphere.cut(Plane { normal, offset: normal.dot(&nearest) });
+            let cut = self.section.cut(&mut state.search, &guess, rotors, INSIDE * size);
+            let Some((normal, offset)) = cut else { break };
+            sphere.cut(Plane { normal, offset });
             guess = sphere.nearest()?;
         }
         Some(guess)
     }
+}
+
+/// The largest step below [`STEPS`] that is allowed, and what it gives; of step 0 that is known. Where it
+/// was last is tried first, then what is ever farther from there, then halves.
+fn largest(last: u16, at_none: Vector3, mut allowed: impl FnMut(u16) -> Option<Vector3>) -> (Vector3, u16) {
+    let (mut best, mut low, mut high) = (at_none, 0, STEPS);
+    let (mut next, mut reach) = (last, 1);
+    while high - low > 1 {
+        if next <= low || next >= high {
+            next = low + (high - low) / 2;
+        }
+        if let Some(turn) = allowed(next) {
+            (best, low) = (turn, next);
+            next = low.saturating_add(reach);
+        } else {
+            high = next;
+            next = high.saturating_sub(reach);
+        }
+        reach = reach.saturating_mul(4);
+    }
+    (best, low)
 }
 
 /// The reference, level, with its heading.

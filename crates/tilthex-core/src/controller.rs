@@ -339,7 +339,9 @@ impl Controller {
         let yielded = filter.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);
-        let mut force_w = self.wanted_force(&self.pose.step(robot, &full), &compensated);
+        // A turn of the reference does not move it.
+        let mut pose = self.pose.translation(robot, &full);
+        let mut force_w = self.wanted_force(&pose, &compensated);
         if let Some([least, most]) = input.unyielding {
             // Less of it all rather than another direction.
             if force_w.z > most {
@@ -356,7 +358,7 @@ impl Controller {
         let robot_reference = attitude.reference;
         let mut asked = robot_reference;
         asked.angular_acceleration_r += attitude.lead_r;
-        let pose = self.pose.step(robot, &asked);
+        self.pose.rotation(&mut pose, robot, &asked);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &compensated) }.to_vector();

@@ -92,26 +92,40 @@ impl PoseController {
     /// here are the exact ones of Lee, Leok and McClamroch (2010).
     #[must_use]
     pub fn step(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
+        let mut command = self.translation(state, reference);
+        self.rotation(&mut command, state, reference);
+        command
+    }
+
+    /// The half of [`Self::step`] that does not depend on attitudes; the other half is zero.
+    #[must_use]
+    pub fn translation(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
         let g = &self.gains;
         let position_error_w = reference.position_w - state.position_w;
         let velocity_error_w = reference.velocity_w - state.velocity_w;
+        PoseCommand {
+            acceleration_w: reference.acceleration_w
+                + g.velocity.component_mul(&velocity_error_w)
+                + g.position.component_mul(&position_error_w),
+            position_error_w,
+            velocity_error_w,
+            ..PoseCommand::default()
+        }
+    }
+
+    /// Adds the other half.
+    pub fn rotation(&self, command: &mut PoseCommand, state: &RobotState, reference: &Reference) {
+        let g = &self.gains;
         // Maps reference body coordinates to body coordinates: R^T R_r.
         let rotation_rd: Matrix3 = state.rotation_wr.transpose() * reference.rotation_wr;
         let rotation_error_r = so3::vee(&rotation_rd.transpose());
         let reference_velocity_r = rotation_rd * reference.angular_velocity_r;
         let angular_velocity_error_r = state.angular_velocity_r - reference_velocity_r;
-        PoseCommand {
-            acceleration_w: reference.acceleration_w
-                + g.velocity.component_mul(&velocity_error_w)
-                + g.position.component_mul(&position_error_w),
-            angular_acceleration_r: rotation_rd * reference.angular_acceleration_r
-                - state.angular_velocity_r.cross(&reference_velocity_r)
-                - g.angular_velocity.component_mul(&angular_velocity_error_r)
-                - g.rotation.component_mul(&rotation_error_r),
-            position_error_w,
-            velocity_error_w,
-            rotation_error_r,
-            angular_velocity_error_r,
-        }
+        command.angular_acceleration_r = rotation_rd * reference.angular_acceleration_r
+            - state.angular_velocity_r.cross(&reference_velocity_r)
+            - g.angular_velocity.component_mul(&angular_velocity_error_r)
+            - g.rotation.component_mul(&rotation_error_r);
+        command.rotation_error_r = rotation_error_r;
+        command.angular_velocity_error_r = angular_velocity_error_r;
     }
 }

@@ -158,9 +158,12 @@ impl WrenchObserver {
                 gain.map(|rate| lag_fraction(rate, dt))
             }
         };
+        let gains = &self.gains;
+        let of_force = fraction(&gains.force);
+        let of_torque = if gains.torque == gains.force { of_force } else { fraction(&gains.torque) };
         let estimate = &mut state.wrench;
-        estimate.force += fraction(&self.gains.force).component_mul(&(force_w - estimate.force));
-        estimate.torque += fraction(&self.gains.torque).component_mul(&(torque_r - estimate.torque));
+        estimate.force += of_force.component_mul(&(force_w - estimate.force));
+        estimate.torque += of_torque.component_mul(&(torque_r - estimate.torque));
         *estimate
     }
 }

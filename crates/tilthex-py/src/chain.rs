@@ -17,6 +17,7 @@ use tilthex_core::{
         Record, Telemetry,
     },
     model_learning::{EXCITED, ModelDeviation},
+    trajectory::Limits,
     types::PoseSample,
 };
 
@@ -61,7 +62,10 @@ impl Loop {
     fn new(config: &Config) -> PyResult<Self> {
         let mut params = config.checked.flight_params(true).map_err(convert::config_error)?;
         // Whoever gives every set-point may let it jump.
-        params.guidance.max_setpoint_jump = f64::INFINITY;
+        let none = f64::INFINITY;
+        params.guidance.max_setpoint_jump = none;
+        params.guidance.stream =
+            Limits { velocity: none, acceleration: none, angular_velocity: none, angular_acceleration: none };
         let count = params.vehicle.rotor_count();
         Ok(Self {
             configured: config.checked.vehicle().clone(),

@@ -4,13 +4,7 @@
 //! clock. Its system calls are `clock_nanosleep`, `ioctl` (`FIONREAD`), `read` and `write` on the port
 //! (and `clock_gettime`, which the kernel answers without a call).
 
-use std::{
-    sync::{
-        Arc,
-        atomic::{AtomicBool, Ordering},
-    },
-    time::Duration,
-};
+use std::time::Duration;
 
 use rtrb::Consumer;
 use tilthex_core::{
@@ -23,6 +17,7 @@ use tilthex_link::{InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoi
 use tilthex_sim::feed::{Feed, Tick, Timing};
 
 use crate::{
+    flags::Flags,
     phase_lock::{self, LOOK},
     port::{Port, Written},
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
@@ -30,6 +25,9 @@ use crate::{
 
 /// With its port gone in flight, the loop ends after this long: nothing it says reaches anyone, s.
 const LINK_GONE: f64 = 1.0;
+
+/// After a kill the loop repeats the stop for this long, and for this long where a motor still spins, s.
+const KILL_SAID: (f64, f64) = (0.5, 1.0);
 
 /// A start that was broken off is tried again as soon as its reason is gone, unless that takes longer, s.
 const REFUSED_FOR_GOOD: f64 = 3.0;
@@ -41,6 +39,11 @@ pub enum End {
     Landed(Option<Fault>),
     /// It was asked to end before it flew.
     Interrupted,
+    /// The motors were stopped by the order to kill.
+    Killed {
+        /// While the vehicle was in the air.
+        in_flight: bool,
+    },
     /// Nobody at the other end says that it is a vehicle.
     NoVehicle,
     /// The port is gone.
@@ -72,6 +75,8 @@ pub struct LoopParams {
     pub duration: Option<f64>,
     /// Lands when the route has been flown.
     pub land_after_route: bool,
+    /// An operator whose orders are flown is silent after this long without a word; `None` never.
+    pub operator_timeout: Option<Duration>,
     /// Gives up where the vehicle has not begun to start its motors after this long, s; `None` waits for commands.
     pub patience: Option<f64>,
 }
@@ -88,8 +93,8 @@ pub struct ControlLoop {
     pub commands: Consumer<Command>,
     /// To the recorder.
     pub feed: Feed,
-    /// Set by a signal: land.
-    pub land: Arc<AtomicBool>,
+    /// To land, to kill, and whether the operator is there.
+    pub flags: Flags,
     /// When to end.
     pub params: LoopParams,
 }
@@ -138,7 +143,12 @@ impl ControlLoop {
             poses: &poses[..pose_count],
             command: command.as_ref(),
             host: HostFacts {
-                land: self.land.load(Ordering::Relaxed) || self.time_to_land(memory),
+                land: self.flags.lands() || self.time_to_land(memory),
+                kill: self.flags.kills(),
+                operator_silent: self
+                    .params
+                    .operator_timeout
+                    .is_some_and(|patience| self.flags.operator_silent(found, patience.as_nanos() as Nanos)),
                 link_lost: memory.gone,
                 log_lost: self.feed.log_lost(),
             },
@@ -192,6 +202,12 @@ impl ControlLoop {
 
     fn end(&self, memory: &mut Memory) -> Option<End> {
         let supervisor = self.linked.flight.supervisor();
+        if supervisor.killed() {
+            let since = *memory.killed.get_or_insert(memory.now);
+            let spins = self.linked.link.telemetry().any_spinning() && !memory.gone;
+            let end = memory.now - since >= if spins { KILL_SAID.1 } else { KILL_SAID.0 };
+            return end.then_some(End::Killed { in_flight: supervisor.landed() });
+        }
         if self.linked.finished() {
             return Some(End::Landed(supervisor.ended_by()));
         }
@@ -212,7 +228,7 @@ impl ControlLoop {
         }
         if self.linked.link.refused() {
             Some(End::NoVehicle)
-        } else if self.land.load(Ordering::Relaxed) {
+        } else if self.flags.lands() {
             Some(End::Interrupted)
         } else if let Some((_, faults)) = memory.refused.filter(|(since, faults)| {
             faults.contains(Fault::StartTimeout) || memory.now - since >= REFUSED_FOR_GOOD
@@ -250,6 +266,7 @@ struct Memory {
     begin: f64,
     now: f64,
     took_off: Option<f64>,
+    killed: Option<f64>,
     starting: bool,
     /// When and why a start was broken off.
     refused: Option<(f64, FaultSet)>,
@@ -272,6 +289,7 @@ impl Memory {
             begin: begin as f64 * 1e-9,
             now: begin as f64 * 1e-9,
             took_off: None,
+            killed: None,
             starting: false,
             refused: None,
             pose_seen: false,

@@ -5,11 +5,13 @@
 //! clock; everything else lives in other threads, joined by wait-free rings.
 
 pub mod app;
+pub mod control;
 pub mod control_loop;
-pub mod control_socket;
 pub mod doctor;
 pub mod failure;
+pub mod flags;
 pub mod histogram;
+mod keys;
 pub mod log;
 mod output;
 pub mod phase_lock;

@@ -38,8 +38,8 @@ pub type TruthFeed = Producer<(f64, Truth)>;
 /// What the recorder is told by threads other than the loop.
 #[derive(Clone, Debug)]
 enum Note {
-    /// An order, at a monotonic time (s).
-    Command(f64, String),
+    /// An order, at a monotonic time (s), and whether it went past the ring.
+    Command(f64, String, bool),
 }
 
 #[derive(Debug, Default)]
@@ -82,10 +82,15 @@ impl Observer {
         latest
     }
 
-    /// Logs an order that was handed to the loop at a monotonic time (s).
-    pub fn command(&self, time: f64, json: String) {
+    /// Looks at the newest that the recorder has seen, without a copy of it all.
+    pub fn look<T>(&self, see: impl FnOnce(&Latest) -> T) -> T {
+        see(&lock(&self.shared.latest))
+    }
+
+    /// Logs an order that was handed to the loop at a monotonic time (s), through the ring or, urgent, past it.
+    pub fn command(&self, time: f64, json: String, urgent: bool) {
         // Without a recorder there is no log to write it to.
-        let _ = self.notes.send(Note::Command(time, json));
+        let _ = self.notes.send(Note::Command(time, json, urgent));
     }
 }
 
@@ -245,8 +250,8 @@ impl Worker {
 
     fn drain(&mut self) {
         while let Ok(note) = self.notes.try_recv() {
-            let Note::Command(time, json) = note;
-            self.write(|log| log.command(time, &json));
+            let Note::Command(time, json, urgent) = note;
+            self.write(|log| log.command(time, &json, urgent));
         }
         while let Ok((time, truth)) = self.truths.pop() {
             self.write(|log| log.truth(time, &truth));

@@ -55,7 +55,8 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let mut lines = VecDeque::new();
     log.each(|channel, data| {
         if channel.topic == "/command" {
-            lines.extend(m::Command::decode(data).map(|command| command.json));
+            let order = m::Command::decode(data).ok().filter(|order| !order.urgent);
+            lines.extend(order.map(|order| order.json));
         }
     });
     let mut replayer = Replayer {
@@ -144,7 +145,13 @@ impl Replayer {
         };
         let poses: Option<Vec<PoseSample>> = input.poses.iter().map(pose_from).collect();
         let poses = poses.ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
-        let host = HostFacts { land: input.land, link_lost: input.link_lost, log_lost: input.log_lost };
+        let host = HostFacts {
+            land: input.land,
+            kill: input.kill,
+            operator_silent: input.operator_silent,
+            link_lost: input.link_lost,
+            log_lost: input.log_lost,
+        };
         let tick = WireInput {
             time: input.time,
             bytes: &input.link,

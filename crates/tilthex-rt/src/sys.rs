@@ -23,6 +23,18 @@ pub(crate) fn set_fifo(offset: i32) -> io::Result<()> {
     if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
+/// Has the program ignore a signal.
+///
+/// # Errors
+/// The kernel's.
+pub(crate) fn ignore(signal: libc::c_int) -> io::Result<()> {
+    // SAFETY: `SIG_IGN` is a disposition that every signal takes but those that the kernel refuses.
+    match unsafe { libc::signal(signal, libc::SIG_IGN) } {
+        libc::SIG_ERR => Err(io::Error::last_os_error()),
+        _ => Ok(()),
+    }
+}
+
 /// The descriptor of an open port, which then is the only owner of it.
 pub(crate) fn descriptor(port: serialport::TTYPort) -> OwnedFd {
     // SAFETY: `into_raw_fd` gives up the port's own descriptor, which is open and belongs to nobody else.

@@ -2,11 +2,7 @@
 //! when the loop's thread allocates or frees: link, capture over the network,
 //! log, orders.
 
-use std::{
-    path::Path,
-    sync::{Arc, atomic::AtomicBool},
-    time::Duration,
-};
+use std::{path::Path, time::Duration};
 
 use assert_no_alloc::{AllocDisabler, assert_no_alloc};
 use rtrb::RingBuffer;
@@ -18,6 +14,7 @@ use tilthex_mocap::{
 };
 use tilthex_rt::{
     control_loop::{ControlLoop, End, LoopParams},
+    flags::Flags,
     log::{Attachments, LogFile},
     port::Port,
     realtime::LOOP_STACK,
@@ -70,11 +67,12 @@ fn the_loop_never_allocates() {
         poses,
         commands,
         feed,
-        land: Arc::new(AtomicBool::new(false)),
+        flags: Flags::default(),
         params: LoopParams {
             period: Duration::from_millis(2),
             duration: Some(4.0),
             land_after_route: false,
+            operator_timeout: Some(Duration::from_secs(60)),
             patience: Some(60.0),
         },
     };

@@ -28,6 +28,9 @@ const ORDERS: [(f64, &str); 3] = [
     (15.0, r#"{"command": "play", "waypoint": [{"position": [0.0, 0.0, 0.8]}]}"#),
 ];
 
+/// An order to land goes past the ring, s.
+const LANDS: f64 = 16.5;
+
 /// The log of a faulty flight with orders and a trajectory, and `attached` as its set-up.
 fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
@@ -55,10 +58,15 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     while world.now() < 40.0 && !world.linked.finished() {
         let line = pending.peek().filter(|(time, _)| world.now() >= *time).map(|(_, line)| *line);
         let command = line.map(|line| orders.parse(line).expect("valid"));
+        world.host.operator_silent = (14.2..14.6).contains(&world.now());
+        if world.now() >= LANDS && !world.host.land {
+            world.host.land = true;
+            log.command(world.now(), r#"{"command": "land"}"#, true).expect("logged");
+        }
         if world.tick(command.as_ref()) {
             if let Some(line) = line {
                 pending.next();
-                log.command(world.now(), line).expect("logged");
+                log.command(world.now(), line, false).expect("logged");
             }
             log.tick(&Tick::new(world.output(), Timing::default())).expect("logged");
             if phases.last() != Some(&world.record().phase) {
@@ -76,7 +84,7 @@ fn every_output_of_a_faulty_flight_is_reproduced_bit_for_bit() {
     let bytes = faulty_flight(Config::to_toml);
     let replayed = replay::replay(&LogReader::new(bytes.clone()).expect("sound")).expect("complete");
     assert!(replayed.ticks > 5000, "{replayed:?}");
-    assert_eq!(replayed.messages, 10 * replayed.ticks);
+    assert_eq!(replayed.messages, 11 * replayed.ticks);
     assert_eq!(replayed.first_difference, None);
 
     // What was cut off is missing, the rest is reproduced all the same.

@@ -155,7 +155,8 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
             simulated.process.wait()
             raise OSError(simulated.sentence())
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
-        link = ["--port", port, "--baud", "0", "--log", str(files.log), "--trajectory", str(files.trajectory)]
+        start = ["--take-off", "--no-battery-limits", "--trajectory", str(files.trajectory)]
+        link = ["--port", port, "--baud", "0", "--log", str(files.log), *start]
         controller = Program(stack, "tilthex-rt", [*common, *link], summary)
         _watch(controller.process, expected(run) + PATIENCE, files, progress)
         if simulated.process.poll() is not None:

@@ -17,6 +17,16 @@ pub struct ForceSection {
     upper: RotorVector,
     full: bool,
     levels: Levels,
+    /// The limits of each of six rotors as planes, where every wrench has inputs of its own.
+    faces: Option<[Face; 6]>,
+}
+
+/// `lower <= normal . force <= upper`, N.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Face {
+    normal: Vector3,
+    lower: f64,
+    upper: f64,
 }
 
 impl ForceSection {
@@ -31,14 +41,55 @@ impl ForceSection {
         }
         let (lower, upper) = (inputs(&min), inputs(&max));
         let kept = (upper - lower) * reserve;
+        let (lower, upper) = (lower + kept, upper - kept);
+        let inverse = *vehicle.allocation_inverse();
+        let face = |i: usize| {
+            let row = inverse.fixed_view::<1, 3>(i, 0).transpose();
+            let size = row.norm().max(f64::MIN_POSITIVE);
+            Face { normal: row / size, lower: lower[i] / size, upper: upper[i] / size }
+        };
+        let own_inputs = vehicle.rank() == 6 && vehicle.rotor_count() == 6;
         Self {
             matrix: *vehicle.allocation(),
-            inverse: *vehicle.allocation_inverse(),
-            lower: lower + kept,
-            upper: upper - kept,
+            inverse,
+            lower,
+            upper,
             full: vehicle.rank() == 6,
             levels: Levels::torque_first(vehicle),
+            faces: own_inputs.then(|| core::array::from_fn(face)),
         }
+    }
+
+    /// A plane, `normal . f <= offset`, that the set lies behind and `force_r` more than `tolerance`
+    /// (N) in front of; none where the force is in the set.
+    pub(crate) fn cut(
+        &self,
+        state: &mut AllocatorState,
+        force_r: &Vector3,
+        rotors: &RotorStatus,
+        tolerance: f64,
+    ) -> Option<(Vector3, f64)> {
+        let Some(faces) = self.faces.as_ref().filter(|_| rotors.lost == 0) else {
+            let nearest = self.nearest(state, force_r, rotors).force;
+            let outwards = force_r - nearest;
+            let distance = outwards.norm();
+            let normal = outwards / distance;
+            return (distance > tolerance).then(|| (normal, normal.dot(&nearest)));
+        };
+        let mut farthest = tolerance;
+        let mut cut = None;
+        for face in faces {
+            let along = face.normal.dot(force_r);
+            if along - face.upper > farthest {
+                farthest = along - face.upper;
+                cut = Some((face.normal, face.upper));
+            }
+            if face.lower - along > farthest {
+                farthest = face.lower - along;
+                cut = Some((-face.normal, -face.lower));
+            }
+        }
+        cut
     }
 
     /// The force of the set nearest to `force_r`, N, and the torque that is

@@ -216,3 +216,41 @@ fn a_turn_is_found_wherever_there_is_one() {
         assert!(attainable(&s, &(so3::exp(&turn).transpose() * f)), "{f:?}");
     }
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// What the last call found only tells where to look first: the turn and the force are the same.
+    #[test]
+    fn a_search_that_starts_warm_ends_where_a_cold_one_does(
+        f in force(), r in rotation(), changes in prop::collection::vec(prop::array::uniform3(-3.0..3.0f64), 8),
+    ) {
+        let s = selector(&tilt_hex());
+        let mut warm = AttitudeState::default();
+        let mut f = Vector3::from(f);
+        for change in changes {
+            f += Vector3::from(change);
+            let found = s.target(&mut warm, &r, &f, &RotorStatus::default());
+            let cold = s.target(&mut AttitudeState::default(), &r, &f, &RotorStatus::default());
+            prop_assert!((found.0 - cold.0).norm() < 1e-6 && (found.1 - cold.1).norm() < 1e-3 * f.norm(), "{found:?} {cold:?}");
+        }
+    }
+
+    /// A plane cuts off what is not possible, and only that: its point nearest to the force is not.
+    #[test]
+    fn a_plane_parts_a_force_from_the_section(f in force()) {
+        let s = selector(&tilt_hex());
+        let (f, rotors) = (Vector3::from(f), RotorStatus::default());
+        let nearest = s.section.nearest(&mut AllocatorState::default(), &f, &rotors).force;
+        let distance = (f - nearest).norm();
+        match s.section.cut(&mut AllocatorState::default(), &f, &rotors, 1e-6) {
+            None => prop_assert!(distance < 1e-5, "{distance}"),
+            Some((normal, offset)) => {
+                prop_assert!((normal.norm() - 1.0).abs() < 1e-12);
+                let beyond = normal.dot(&f) - offset;
+                prop_assert!(beyond > 1e-6 && beyond < distance + 1e-6, "{beyond} {distance}");
+                prop_assert!(normal.dot(&nearest) < offset + 1e-6);
+            }
+        }
+    }
+}

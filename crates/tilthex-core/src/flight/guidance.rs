@@ -1,6 +1,6 @@
 //! Where the set-point comes from in each phase: take-off, hover, mission, landing.
 
-use super::io::Route;
+use super::{io::Route, room::Room};
 use crate::{
     Vehicle,
     model_learning::{Calibration, calibration_flight},
@@ -27,6 +27,8 @@ pub struct GuidanceParams {
     pub limits: Limits,
     /// Speed of the descent, m/s.
     pub landing_speed: f64,
+    /// Largest rates of streamed set-points.
+    pub stream: Limits,
     /// Streamed set-points may jump by at most this far, m.
     pub max_setpoint_jump: f64,
 }
@@ -116,6 +118,7 @@ pub(super) struct Guidance {
     hover_time: f64,
     followed: Setpoint,
     followed_age: f64,
+    room: Room,
     wrench_w: Option<Wrench>,
     /// Whether a landing first gets away from what the tool touches.
     retreats: bool,
@@ -150,6 +153,7 @@ impl Guidance {
             hover_time: 0.0,
             followed: nowhere.sample(0.0),
             followed_age: 0.0,
+            room: Room::full(&params.stream, params.max_setpoint_jump),
             wrench_w: None,
             retreats: false,
             sink: Sink::default(),
@@ -265,12 +269,11 @@ impl Guidance {
     }
 
     /// Takes a streamed set-point. False, and the last one held, where it is
-    /// not finite, no rotation, or too far from the last.
+    /// not finite, no rotation, or further from the last than its rates allow.
     pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
         let last = self.sample();
-        let near = (setpoint.position_w - last.position_w).norm() <= self.params.max_setpoint_jump;
-        let good =
-            setpoint.is_finite() && near && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        let sound = setpoint.is_finite() && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        let good = sound && self.room.take(&last, setpoint);
         if good {
             self.followed = *setpoint;
             self.followed_age = 0.0;
@@ -322,6 +325,7 @@ impl Guidance {
         self.rate = rate;
         self.time += rate * dt;
         self.followed_age += dt;
+        self.room.fill(&self.params.stream, self.params.max_setpoint_jump, dt);
         if self.stage == Stage::TakeOff && self.time >= self.trajectory.duration() {
             self.begin_calibration(vehicle);
         } else if self.stage == Stage::Calibration && self.time >= self.trajectory.duration() {

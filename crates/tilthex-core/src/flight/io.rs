@@ -65,7 +65,8 @@ impl Route {
     }
 }
 
-/// An order to a running flight, already validated.
+/// An order to a running flight, already validated. To land and to kill are not among them: they are
+/// [`HostFacts`], which are read in every tick and wait behind nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // kept in pre-sized rings; a box would allocate
 pub enum Command {
@@ -83,17 +84,17 @@ pub enum Command {
     ReleaseWrench,
     /// Learn the observer's bias from a contact-free hover, from now on for the configured time.
     ZeroBias,
-    /// Land.
-    Land,
-    /// Stop the motors at once, wherever the vehicle is.
-    Kill,
 }
 
 /// What only the host can see.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HostFacts {
-    /// A signal or the end of the duration asks to land.
+    /// A signal, an order or the end of the duration asks to land.
     pub land: bool,
+    /// The operator's order to stop the motors at once, wherever the vehicle is.
+    pub kill: bool,
+    /// Nothing has been heard of the operator, whose orders are flown, for longer than is allowed.
+    pub operator_silent: bool,
     /// The port is gone.
     pub link_lost: bool,
     /// The log can not be written.

@@ -17,6 +17,7 @@ mod late;
 mod lift_off;
 mod model;
 mod record;
+mod room;
 mod rotors;
 mod sensing;
 mod stopped;
@@ -100,8 +101,6 @@ pub struct Flight {
     command: RotorVector,
     output: Option<ControllerOutput>,
     take_off: bool,
-    land: bool,
-    kill: bool,
     setpoint_refused: bool,
     /// The bias is not learnt: the vehicle does not rest free of contact.
     bias_refused: bool,
@@ -160,8 +159,6 @@ impl Flight {
             command: RotorVector::zeros(),
             output: None,
             take_off: params.take_off,
-            land: false,
-            kill: false,
             setpoint_refused: false,
             bias_refused: false,
             route_refused: false,
@@ -239,14 +236,14 @@ impl Flight {
         match command {
             None => {}
             Some(Command::TakeOff) => self.take_off = true,
-            Some(Command::Land) => self.land = true,
-            Some(Command::Kill) => self.kill = true,
             Some(Command::ZeroBias) => self.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
             Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
             Some(Command::Play(route)) => {
-                if self.supervisor.phase() == Phase::Flying && self.guidance.ready() {
+                // Held as well: a hold for want of streamed set-points ends with the route.
+                if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
+                {
                     self.setpoint_refused = !self.guidance.play(route);
                 } else {
                     self.route = Some(*route);
@@ -285,7 +282,9 @@ impl Flight {
             },
             dt,
         );
-        conditions.insert_if(Fault::Operator, self.land || input.host.land);
+        conditions.insert_if(Fault::Operator, input.host.land);
+        conditions.insert_if(Fault::OperatorGone, input.host.operator_silent);
+        conditions.insert_if(Fault::OperatorGoneForGood, input.host.operator_silent);
         let refused = core::mem::take(&mut self.route_refused) || self.setpoint_refused;
         conditions.insert_if(Fault::SetpointJump, refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
@@ -298,6 +297,8 @@ impl Flight {
         self.watch_bounds(before, &mut conditions, dt);
         let contradiction = self.watch_capture(before, &mut conditions);
         let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
+        // An order to take off does not wait for whoever speaks next.
+        self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
@@ -305,7 +306,7 @@ impl Flight {
             ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.descend(input, rotor_speeds, dt),
             take_off: self.take_off,
-            kill: self.kill,
+            kill: input.host.kill,
             abort,
         };
         let tracked = !self.supervisor.active().contains(Fault::TrackingError);

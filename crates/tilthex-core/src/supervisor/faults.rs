@@ -66,16 +66,18 @@ pub enum Fault {
     StartTimeout = 37,
     Operator = 38,
     CalibrationRefused = 39,
-    Geofence = 40,
-    LandingFails = 41,
-    BiasRefused = 42,
-    LineLate = 43,
-    MotorDataWrong = 44,
-    PoseFrozen = 45,
-    PoseContradicts = 46,
-    MotorOrder = 47,
-    CaptureAxes = 48,
-    LiftOff = 49,
+    OperatorGone = 40,
+    OperatorGoneForGood = 41,
+    Geofence = 42,
+    LandingFails = 43,
+    BiasRefused = 44,
+    LineLate = 45,
+    MotorDataWrong = 46,
+    PoseFrozen = 47,
+    PoseContradicts = 48,
+    MotorOrder = 49,
+    CaptureAxes = 50,
+    LiftOff = 51,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -157,7 +159,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 50;
+pub const COUNT: usize = 52;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -200,8 +202,10 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::LogLost, "log lost", s("the recorder reports that it cannot write", &[]), (0.0, 1.0), (Note, Note), s("the flight goes on without a log", &[])),
     row(Fault::NotFinite, "not finite", s("a controller output that is not a finite number", &[]), (0.0, 0.5), (Refuse, Land), s("the last good command is sent again", &[])),
     row(Fault::StartTimeout, "start timeout", s("a motor does not spin `[supervisor] start_timeout` after the first start command", &[]), (0.0, 0.0), (Refuse, Note), s("see the vehicle's own messages", &[])),
-    row(Fault::Operator, "operator", s("SIGINT, SIGTERM, SIGHUP, the end of the duration, or a land command", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
+    row(Fault::Operator, "operator", s("a signal that lands (loop.md), the end of the duration, or an order to land", &[]), (0.0, 0.0), (Refuse, Land), s("", &[])),
     row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
+    row(Fault::OperatorGone, "operator silent", s("nothing heard of the operator, whose orders are flown, for `[supervisor] operator_timeout`", &[]), (0.0, 0.2), (Refuse, Hold), s("any line on the control socket from whoever holds the controls ends it", &[])),
+    row(Fault::OperatorGoneForGood, "operator gone", s("the operator silent for another {} s", &[l::OPERATOR_GONE_FOR_GOOD]), (l::OPERATOR_GONE_FOR_GOOD, 0.5), (Refuse, Land), s("the vehicle does not wait for an operator who is gone", &[])),
     row(Fault::Geofence, "geofence", s("the vehicle outside `[supervisor] geofence` around its start, or higher than `geofence_height` above it", &[]), (0.1, 0.5), (Note, Land), s("plan the mission inside it, or widen it", &[])),
     row(Fault::LandingFails, "landing fails", s("a descent that comes no lower for {} s, rises by {} m, moves aside by {} m, passes the geofence by {} m or the largest speed, or is stopped again and again by what is not the ground", &[l::LANDING_STOPS, l::LANDING_RISES, l::LANDING_ASIDE, l::FENCE_MARGIN]), (0.0, 1.0), (Note, Descend), s("down at {} m/s wherever it is, with less and less thrust where it does not sink", &[l::FORCED_SPEED])),
     row(Fault::BiasRefused, "bias not learnt", s("the wrench in the hover to learn from is not small and steady, or the set-point moves", &[]), (0.0, 1.0), (Note, Note), s("the bias stays as it was; free the tool, let it rest, and order zero_bias", &[])),

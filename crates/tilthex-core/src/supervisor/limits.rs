@@ -74,6 +74,8 @@ pub const FENCE_MARGIN: f64 = 0.5;
 pub const FORCED_SPEED: f64 = 0.7;
 /// A streamed set-point that is older than this is stale, s.
 pub const SETPOINT_STALE: f64 = 0.2;
+/// A vehicle that is held because its operator is silent lands after this long, s.
+pub const OPERATOR_GONE_FOR_GOOD: f64 = 5.0;
 /// A period of the loop that is longer than this is an overrun, s.
 pub const OVERRUN: f64 = 0.01;
 /// A period of the loop that is longer than this is a long overrun, s.

@@ -82,6 +82,7 @@ pub struct Supervisor {
     timers: [f64; COUNT],
     counts: [u32; COUNT],
     landed: bool,
+    killed: bool,
     ended_by: Option<Fault>,
 }
 
@@ -94,6 +95,7 @@ impl Default for Supervisor {
             timers: [0.0; COUNT],
             counts: [0; COUNT],
             landed: false,
+            killed: false,
             ended_by: None,
         }
     }
@@ -136,6 +138,12 @@ impl Supervisor {
         self.landed
     }
 
+    /// Whether the motors were stopped by the operator's kill. They do not start again.
+    #[must_use]
+    pub fn killed(&self) -> bool {
+        self.killed
+    }
+
     /// The fault that ended the flight, or that refused it.
     #[must_use]
     pub fn ended_by(&self) -> Option<Fault> {
@@ -157,8 +165,9 @@ impl Supervisor {
         self.time_faults(conditions, dt);
         let worst = self.active.rows().map(|row| row.in_flight).max().unwrap_or(Reaction::Note);
         let refusal = self.refusals();
-        if facts.kill {
-            self.landed = self.phase.in_flight();
+        if facts.kill || self.killed {
+            self.landed |= self.phase.in_flight();
+            self.killed = true;
             self.ended_by = Some(Fault::Operator);
             self.phase = Phase::Disarmed;
             return self.phase;
@@ -302,6 +311,22 @@ mod tests {
         }
         assert_eq!(s.phase(), Phase::Landing);
         assert_eq!(s.ended_by(), Some(Fault::PoseLostLong));
+    }
+
+    #[test]
+    fn a_kill_is_for_good_in_every_phase() {
+        let kill = Facts { kill: true, ..READY };
+        let mut s = Supervisor::default();
+        for aloft in [false, false, false, true] {
+            let mut killed = s;
+            assert_eq!(killed.step(FaultSet::NONE, &kill, 0.002), Phase::Disarmed);
+            for _ in 0..10 {
+                assert_eq!(killed.step(FaultSet::NONE, &READY, 0.002), Phase::Disarmed);
+            }
+            assert!(killed.killed());
+            assert_eq!(killed.landed(), aloft);
+            s.step(FaultSet::NONE, &READY, 0.002);
+        }
     }
 
     proptest! {

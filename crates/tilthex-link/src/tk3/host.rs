@@ -22,6 +22,8 @@ const IDENTIFY_EVERY: f64 = 0.5;
 const IDENTIFY_TRIES: u32 = 4;
 /// Between two start or stop commands, s.
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
+/// Motors that were driven are told to stop for at least so long, whatever they say of themselves, s.
+const INSIST: f64 = 0.5;
 /// Largest change of a rotor's speed from one sample to the next, Hz.
 const MOTOR_JUMP: f64 = 40.0;
 /// A jump is believed after so many samples that agree with it.
@@ -54,6 +56,9 @@ pub struct Host {
     text: Option<(Severity, Text)>,
     motor_asked: f64,
     next_motor: usize,
+    /// Motors have been started or turned since the last stop, and until when stops are repeated, s.
+    driven: bool,
+    insist: f64,
 }
 
 impl Host {
@@ -83,6 +88,8 @@ impl Host {
             text: None,
             motor_asked: LONG_AGO,
             next_motor: 0,
+            driven: false,
+            insist: LONG_AGO,
         })
     }
 
@@ -189,9 +196,15 @@ impl Host {
         }
     }
 
-    /// Stops all motors, ten times a second while one of them spins.
+    /// Stops all motors: at once where they were driven until now, then ten times a second while one of them
+    /// spins, and for a while in any case.
     fn send_stop(&mut self, now: f64, out: &mut Outgoing) {
-        if self.telemetry.any_spinning() && now - self.motor_asked >= MOTOR_COMMAND_EVERY {
+        let at_once = core::mem::take(&mut self.driven);
+        if at_once {
+            self.insist = now + INSIST;
+        }
+        let wanted = self.telemetry.any_spinning() || now < self.insist;
+        if at_once || (wanted && now - self.motor_asked >= MOTOR_COMMAND_EVERY) {
             out.append(|b| HostMessage::StopAll.encode(b));
             self.motor_asked = now;
         }
@@ -252,6 +265,7 @@ impl VehicleLink for Host {
     }
 
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
+        self.driven |= !matches!(command, MotorCommand::Stop);
         match command {
             MotorCommand::Stop => self.send_stop(now, out),
             MotorCommand::Start(speeds) => {

@@ -8,7 +8,11 @@ use toml::{Table, Value};
 use tilthex_config::{Config, VehicleSection};
 use tilthex_sim::campaign::Kind;
 
-use crate::{Failure, control_socket::DEFAULT_ADDRESS, realtime::Demand};
+use crate::{
+    Failure,
+    control::{DEFAULT_ADDRESS, Token},
+    realtime::Demand,
+};
 
 /// Flies a fully actuated multirotor as an end-effector.
 ///
@@ -70,13 +74,22 @@ pub struct Args {
     #[arg(long, requires = "sim", default_value_t = 1)]
     pub seed: u64,
 
-    /// Take orders there from `tilthex.connect()`
+    /// Start the motors and take off as soon as everything is ready. Without it they start by the order take_off,
+    /// and never without --control
+    #[arg(long)]
+    pub take_off: bool,
+
+    /// Take orders there from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket of this user alone
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
 
-    /// Do not take off before an order to
-    #[arg(long, requires = "control")]
-    pub wait: bool,
+    /// Take orders only from clients that say the token in this file first; an address beyond this computer needs one
+    #[arg(long, value_name = "FILE", requires = "control")]
+    pub control_token_file: Option<PathBuf>,
+
+    /// Fly the vehicle at --port though its set-up names no battery voltage at which it lands
+    #[arg(long)]
+    pub no_battery_limits: bool,
 
     /// What to do where the machine refuses real-time rights
     #[arg(long, value_enum, default_value = "prefer", global = true)]
@@ -116,6 +129,34 @@ pub(super) enum Action {
 }
 
 impl Args {
+    /// What every client must say first, where they name one.
+    ///
+    /// # Errors
+    /// One sentence: the file cannot be read, or holds no token.
+    pub fn token(&self) -> Result<Option<Token>, Failure> {
+        self.control_token_file.as_deref().map(Token::read).transpose()
+    }
+
+    /// Refuses a flight of a vehicle that nothing could ever begin, or that an empty battery would end.
+    ///
+    /// # Errors
+    /// One sentence.
+    pub fn check_start(&self, config: &Config) -> Result<(), Failure> {
+        let limited = config.supervisor().battery_low > 0.0 && config.supervisor().battery_critical > 0.0;
+        if self.port.is_some() && !limited && !self.no_battery_limits {
+            return Err(Failure::usage(
+                "no battery limits are known: give battery_low and battery_critical (V) in [supervisor] of the set-up, or \
+                 fly without them with --no-battery-limits",
+            ));
+        }
+        if self.take_off || self.control.is_some() || !(self.sim || self.port.is_some()) {
+            return Ok(());
+        }
+        Err(Failure::usage(
+            "nothing starts the motors: let them start by themselves with --take-off, or by an order with --control",
+        ))
+    }
+
     /// The set-up they name.
     ///
     /// # Errors

@@ -1,10 +1,6 @@
 //! Puts a flight together, watches it, and says how it ended.
 
-use std::{
-    path::PathBuf,
-    sync::{Arc, mpsc},
-    time::Duration,
-};
+use std::{path::PathBuf, sync::mpsc, time::Duration};
 
 use rtrb::{Consumer, RingBuffer};
 use tilthex_config::{
@@ -22,8 +18,10 @@ use tilthex_sim::{Pushes, Simulation, SimulationParams};
 use super::{Args, report, status};
 use crate::{
     Failure,
+    control::{ControlSocket, Desk},
     control_loop::{ControlLoop, End, LoopParams},
-    control_socket::{ControlSocket, Dispatcher},
+    flags::Flags,
+    keys::Keys,
     log::{Attachments, LogFile},
     output::{self, say},
     port::Port,
@@ -47,7 +45,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     for warning in config.warnings() {
         output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
-    let params = config.linked_params(!args.wait).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(args.take_off).map_err(|e| Failure::usage(e.to_string()))?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
@@ -57,12 +55,15 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         _ => None,
     };
     let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
-    let land = signals::flag()?;
+    let flags = Flags::default();
+    signals::land_or_ignore(&flags.interrupted)?;
     let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
     if let Some(path) = &log {
         LogFile::check(path, args.overwrite)?;
     }
+    let token = args.token()?;
     let client = config.mocap().client().map_err(|e| Failure::usage(e.to_string()))?;
+    args.check_start(&config)?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
     let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
@@ -72,7 +73,8 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let orders = Orders::new(&config);
     let control = match &args.control {
         Some(address) => {
-            Some(ControlSocket::start(address, Dispatcher::new(orders, commands_in, recorder.observer()))?)
+            let desk = Desk::new(orders, commands_in, recorder.observer(), flags.clone());
+            Some(ControlSocket::start(address, token, desk)?)
         }
         None => None,
     };
@@ -99,23 +101,29 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         poses,
         commands,
         feed,
-        land: Arc::clone(&land),
+        flags: flags.clone(),
         params: LoopParams {
             period,
             duration: args.duration,
             land_after_route: args.trajectory.is_some(),
-            patience: (!args.wait).then_some(PATIENCE),
+            operator_timeout: config.supervisor().operator_timeout(),
+            patience: args.take_off.then_some(PATIENCE),
         },
     };
     let running = start(control_loop, args.realtime)?;
     let reference = simulated.as_ref().and_then(|_| Reference::start(period, args.realtime).ok());
+    let keys = Keys::watch(flags.clone());
+    if keys.is_some() {
+        say!("Ctrl-C lands; the key K, the capital letter, stops the motors at once");
+    }
     let end = status::watch(&running, &recorder.observer());
+    drop(keys);
     let slept = reference.map(Reference::stop);
     let simulated = simulated.map(Server::stop);
     let recorded = recorder.finish();
     let refused_orders = control.map_or(0, |control| control.refused());
     report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
-    report::outcome(end, &name, &land, &recorded)
+    report::outcome(end, &name, &flags, &recorded)
 }
 
 /// The vehicle and the motion capture.

@@ -1,6 +1,6 @@
 //! The summary at the end, and what the end means for the exit status.
 
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use nalgebra::Vector6;
 use tilthex_core::{
@@ -11,8 +11,8 @@ use tilthex_core::{
 use tilthex_config::Config;
 
 use crate::{
-    Failure, Kind, control_loop::End, log::fault_names, output::say, recorder::Recorded, reference::Slept,
-    sim::Report, summary::Deflection,
+    Failure, Kind, control_loop::End, flags::Flags, log::fault_names, output::say, recorder::Recorded,
+    reference::Slept, sim::Report, summary::Deflection,
 };
 
 /// Prints the figures of a flight.
@@ -102,10 +102,10 @@ fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
 pub(super) fn outcome(
     end: Option<End>,
     port: &str,
-    land: &AtomicBool,
+    flags: &Flags,
     recorded: &Recorded,
 ) -> Result<(), Failure> {
-    let asked = land.load(Ordering::Relaxed);
+    let asked = flags.interrupted.load(Ordering::Relaxed);
     match end {
         Some(End::Landed(None | Some(Fault::Operator))) if asked => {
             Err(interrupted("the vehicle has landed"))
@@ -120,6 +120,12 @@ pub(super) fn outcome(
             )))
         }
         Some(End::Interrupted) => Err(interrupted("the vehicle had not started")),
+        Some(End::Killed { in_flight: true }) => {
+            Err(Failure::fault("killed by order: the motors were stopped in flight, and the vehicle fell"))
+        }
+        Some(End::Killed { in_flight: false }) => {
+            Err(Failure::fault("killed by order: the motors were stopped on the ground"))
+        }
         Some(End::NoVehicle) => {
             let heard = match &recorded.latest.statistics.last_text {
                 Some(text) => format!("what answered says \"{text}\""),

@@ -171,6 +171,8 @@ impl TickMessages {
                 land: r.input.host.land,
                 link_lost: r.input.host.link_lost,
                 log_lost: r.input.host.log_lost,
+                kill: r.input.host.kill,
+                operator_silent: r.input.host.operator_silent,
             },
             output: m::Output { tick: r.tick, link: wire.sent.bytes().to_vec() },
         }

@@ -203,13 +203,17 @@ impl<W: Write> FlightLog<W> {
         self.log.put(self.topics.lines, stamp, &convert::line(stamp.publish, level, name, text))
     }
 
-    /// Logs an order, as it was given at a monotonic time in seconds.
+    /// Logs an order, as it was given at a monotonic time in seconds; an urgent one is a flag of the next input.
     ///
     /// # Errors
     /// What the file says.
-    pub fn command(&mut self, time: f64, json: &str) -> Result<(), McapError> {
+    pub fn command(&mut self, time: f64, json: &str, urgent: bool) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        self.log.put(self.topics.command, Stamp { publish: at, log: at }, &m::Command { json: json.into() })
+        self.log.put(
+            self.topics.command,
+            Stamp { publish: at, log: at },
+            &m::Command { json: json.into(), urgent },
+        )
     }
 
     /// Logs what is true of the simulated vehicle at a monotonic time in seconds.

@@ -1,0 +1,144 @@
+//! Orders to a flight as text: JSON lines of the control socket and TOML
+//! trajectory files. One parser for both, and for the replay of a log.
+
+mod bounds;
+#[cfg(test)]
+mod tests;
+mod text;
+
+use std::path::Path;
+
+use serde::de::DeserializeOwned;
+use tilthex_core::{
+    Error, Matrix3, Setpoint, Vector3,
+    admittance::AdmittanceFilter,
+    flight::{Command, Route},
+    so3,
+    trajectory::Limits,
+};
+
+use crate::{AdmittanceSection, Config, ConfigError, files, section};
+use bounds::Bounds;
+use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
+
+/// Reads the orders that go through the loop's ring (`kill` and `land` do not), and checks them against what the
+/// vehicle can do. It remembers the section `[admittance]`, of which an order may change a part.
+#[derive(Clone, Debug)]
+pub struct Orders {
+    limits: Limits,
+    admittance: AdmittanceSection,
+    bounds: Bounds,
+}
+
+impl Orders {
+    /// Of a set-up.
+    #[must_use]
+    pub fn new(config: &Config) -> Self {
+        Self {
+            limits: config.mission().limits(),
+            admittance: config.admittance().clone(),
+            bounds: Bounds::of(config),
+        }
+    }
+
+    /// The order a line of JSON stands for: an object with `command` and what the command takes.
+    ///
+    /// # Errors
+    /// One sentence: what is wrong with it, and what was expected.
+    pub fn parse(&mut self, line: &str) -> Result<Command, String> {
+        let mut object: serde_json::Map<String, serde_json::Value> =
+            serde_json::from_str(line).map_err(|e| format!("not a JSON object: {e}"))?;
+        let name = match object.remove("command") {
+            Some(serde_json::Value::String(name)) => name,
+            _ => return Err("no command; expected a string such as \"land\"".into()),
+        };
+        let rest = serde_json::Value::Object(object);
+        self.command(&name, rest).map_err(|e| format!("{name}: {e}"))
+    }
+
+    fn command(&mut self, name: &str, rest: serde_json::Value) -> Result<Command, String> {
+        let nothing = |command| take::<Nothing>(rest.clone()).map(|_| command);
+        match name {
+            "take_off" => nothing(Command::TakeOff),
+            "release_wrench" => nothing(Command::ReleaseWrench),
+            "zero_bias" => nothing(Command::ZeroBias),
+            "play" => {
+                let route = take::<RouteText>(rest)?.route(&self.limits)?;
+                self.bounds.check_route(&route)?;
+                Ok(Command::Play(route))
+            }
+            "follow" => {
+                let setpoint = setpoint(&take(rest)?)?;
+                self.bounds.check_setpoint(&setpoint)?;
+                Ok(Command::Follow(setpoint))
+            }
+            "set_wrench" => {
+                let wrench_w = take::<WrenchText>(rest)?.wrench();
+                // Where the tool is turned to when it exerts it is not known here.
+                self.bounds.check_wrench(&Matrix3::identity(), &wrench_w)?;
+                Ok(Command::SetWrench(wrench_w))
+            }
+            "set_admittance" => self.set_admittance(take(rest)?),
+            _ => Err("no such command; expected take_off, play, follow, set_admittance, set_wrench, \
+                      release_wrench, zero_bias, land, kill, take_controls, heartbeat, state or stream"
+                .into()),
+        }
+    }
+
+    /// Keys of `[admittance]` that may change in flight, as its file names them.
+    fn set_admittance(&mut self, changes: toml::Table) -> Result<Command, String> {
+        let names = |key: &str| changes.contains_key(key);
+        let (names_mass, names_damping) = (names("mass"), names("damping"));
+        let section =
+            section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
+        let params = section.params();
+        self.bounds.check_admittance(&params, names_mass, names_damping)?;
+        let filter = AdmittanceFilter::new(params).map_err(|e: Error| e.to_string())?;
+        self.admittance = section;
+        Ok(Command::SetAdmittance(filter))
+    }
+}
+
+/// Reads a file that people write.
+///
+/// # Errors
+/// One sentence: the file, and why it can not be read.
+pub fn read_file(path: &Path) -> Result<String, ConfigError> {
+    files::read_text(path).map_err(|e| ConfigError::new(format!("{}: cannot be read: {e}", path.display())))
+}
+
+/// The route of a trajectory file's text: `[limits]` and `[[waypoint]]` tables.
+///
+/// # Errors
+/// One sentence: the line, and what is wrong with it.
+pub fn parse_route(text: &str, base: &Limits) -> Result<Route, String> {
+    let route: RouteText = toml::from_str(text).map_err(|e| {
+        let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
+        format!("line {line}: {}", e.message().replace('\n', " "))
+    })?;
+    route.route(base)
+}
+
+fn take<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, String> {
+    serde_json::from_value(value).map_err(|e| e.to_string())
+}
+
+fn setpoint(text: &FollowText) -> Result<Setpoint, String> {
+    let rotation_we = matrix3(&text.rotation);
+    so3::check_rotation("rotation", &rotation_we).map_err(|e| e.to_string())?;
+    let vector = |v: &[f64; 3]| Vector3::from(*v);
+    let setpoint = Setpoint {
+        position_w: vector(&text.position),
+        rotation_we,
+        velocity_w: vector(&text.velocity),
+        angular_velocity_w: vector(&text.angular_velocity),
+        acceleration_w: vector(&text.acceleration),
+        angular_acceleration_w: vector(&text.angular_acceleration),
+        wrench_w: text.wrench.wrench(),
+    };
+    if setpoint.is_finite() { Ok(setpoint) } else { Err(not_finite()) }
+}
+
+fn not_finite() -> String {
+    "holds a number that is not finite".into()
+}

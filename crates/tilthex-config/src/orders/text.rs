@@ -1,0 +1,147 @@
+//! What orders look like as text.
+
+use serde::Deserialize;
+use tilthex_core::{
+    Matrix3, Wrench,
+    flight::Route,
+    so3,
+    trajectory::{Limits, Waypoint},
+};
+
+/// Force (N) and torque (N m), world.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WrenchText {
+    #[serde(default)]
+    force: [f64; 3],
+    #[serde(default)]
+    torque: [f64; 3],
+}
+
+impl WrenchText {
+    pub(super) fn wrench(&self) -> Wrench {
+        Wrench { force: self.force.into(), torque: self.torque.into() }
+    }
+}
+
+/// A way-point: where the tool is to be, and how. At most one form of orientation; level without any.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct WaypointText {
+    /// m, world.
+    position: [f64; 3],
+    /// Row by row; maps tool coordinates to world coordinates.
+    rotation: Option<[[f64; 3]; 3]>,
+    /// The same, scalar last.
+    quaternion_xyzw: Option<[f64; 4]>,
+    /// Degrees: about z, then the new y, then the new x.
+    yaw_pitch_roll_deg: Option<[f64; 3]>,
+    /// N, world.
+    #[serde(default)]
+    force: [f64; 3],
+    /// N m, world.
+    #[serde(default)]
+    torque: [f64; 3],
+    /// Shortest time of the way here, s.
+    #[serde(default)]
+    duration: f64,
+    /// Time to stay, s.
+    #[serde(default)]
+    hold: f64,
+}
+
+impl WaypointText {
+    pub(super) fn rotation(&self) -> Result<Matrix3, String> {
+        match (self.rotation, self.quaternion_xyzw, self.yaw_pitch_roll_deg) {
+            (None, None, None) => Ok(Matrix3::identity()),
+            (Some(rows), None, None) => Ok(matrix3(&rows)),
+            (None, Some(q), None) => so3::from_quaternion_xyzw(q).ok_or_else(|| {
+                format!("quaternion_xyzw {q:?} has no direction; expected four finite numbers")
+            }),
+            (None, None, Some(angles)) => {
+                let [yaw, pitch, roll] = angles.map(f64::to_radians);
+                Ok(so3::rot_z(yaw) * so3::rot_y(pitch) * so3::rot_x(roll))
+            }
+            _ => Err("a way-point has several orientations; expected one of rotation, quaternion_xyzw, \
+                      yaw_pitch_roll_deg"
+                .into()),
+        }
+    }
+
+    pub(super) fn waypoint(&self) -> Result<Waypoint, String> {
+        Ok(Waypoint {
+            position_w: self.position.into(),
+            rotation_we: self.rotation()?,
+            wrench_w: Wrench { force: self.force.into(), torque: self.torque.into() },
+            duration: self.duration,
+            hold: self.hold,
+        })
+    }
+}
+
+/// Largest rates on a way; those not named are the configured ones.
+#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct LimitsText {
+    /// m/s.
+    velocity: Option<f64>,
+    /// m/s^2.
+    acceleration: Option<f64>,
+    /// rad/s.
+    angular_velocity: Option<f64>,
+    /// rad/s^2.
+    angular_acceleration: Option<f64>,
+}
+
+impl LimitsText {
+    pub(super) fn over(&self, base: &Limits) -> Limits {
+        Limits {
+            velocity: self.velocity.unwrap_or(base.velocity),
+            acceleration: self.acceleration.unwrap_or(base.acceleration),
+            angular_velocity: self.angular_velocity.unwrap_or(base.angular_velocity),
+            angular_acceleration: self.angular_acceleration.unwrap_or(base.angular_acceleration),
+        }
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RouteText {
+    #[serde(default)]
+    limits: LimitsText,
+    #[serde(default)]
+    waypoint: Vec<WaypointText>,
+}
+
+impl RouteText {
+    pub(super) fn route(&self, base: &Limits) -> Result<Route, String> {
+        let points: Result<Vec<_>, _> = self.waypoint.iter().map(WaypointText::waypoint).collect();
+        Route::new(&points?, &self.limits.over(base)).map_err(|e| e.to_string())
+    }
+}
+
+#[derive(Clone, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FollowText {
+    pub(super) position: [f64; 3],
+    pub(super) rotation: [[f64; 3]; 3],
+    #[serde(default)]
+    pub(super) velocity: [f64; 3],
+    #[serde(default)]
+    pub(super) angular_velocity: [f64; 3],
+    #[serde(default)]
+    pub(super) acceleration: [f64; 3],
+    #[serde(default)]
+    pub(super) angular_acceleration: [f64; 3],
+    #[serde(default)]
+    pub(super) wrench: WrenchText,
+}
+
+/// Each needs no more than its name.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Nothing {}
+
+pub(super) fn matrix3(rows: &[[f64; 3]; 3]) -> Matrix3 {
+    Matrix3::from_fn(|i, j| rows[i][j])
+}

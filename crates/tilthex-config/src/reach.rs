@@ -1,0 +1,93 @@
+//! What a vehicle can push with its tool while it hovers.
+
+use tilthex_core::{
+    Matrix3, Vector3, Vehicle, Wrench, allocation::Allocator, so3, types::Vector6, vehicle::Actuation,
+};
+
+/// A wrench counts as given when it is this part of the weight off, N and N m by N.
+const GIVEN: f64 = 1e-3;
+/// Turns for the sake of lateral force that are tried, parts of the largest.
+const TURNS: usize = 16;
+/// Halvings of the search for the largest wrench.
+const HALVINGS: usize = 12;
+/// No vehicle pushes more, N and N m.
+const MOST: f64 = 900.0;
+
+/// The wrenches that a vehicle can exert at its tool in hover.
+#[derive(Clone, Debug)]
+pub(crate) struct Reach {
+    vehicle: Vehicle,
+    allocator: Allocator,
+    max_turn: f64,
+}
+
+impl Reach {
+    /// Of a vehicle that is turned by at most `max_turn`, rad, for the sake of lateral force.
+    pub(crate) fn of(vehicle: &Vehicle, max_turn: f64) -> Self {
+        Self { vehicle: *vehicle, allocator: Allocator::new(vehicle), max_turn }
+    }
+
+    /// Whether its rotors, within their limits, hold it still in an attitude of the tool while the tool exerts a wrench
+    /// on what it touches (world, at the tip); turned, where the force needs that.
+    pub(crate) fn exerts(&self, rotation_we: &Matrix3, wrench_w: &Wrench) -> bool {
+        let asked_wr = rotation_we * self.vehicle.tool().rotation_r.transpose();
+        let lift_w = wrench_w.force + Vector3::new(0.0, 0.0, self.vehicle.weight());
+        if self.vehicle.actuation() != Actuation::Pose {
+            // Its thrust is along its z axis, which points where the force is to go.
+            let level = so3::rot_z(asked_wr[(1, 0)].atan2(asked_wr[(0, 0)]));
+            let axis = Vector3::z().cross(&lift_w);
+            let angle = axis.norm().atan2(lift_w.z);
+            return angle <= self.max_turn && self.holds(&(about(&axis, angle) * level), &lift_w, wrench_w);
+        }
+        let axis = Vector3::z().cross(&wrench_w.force);
+        (0..=TURNS).any(|i| {
+            let turn = about(&axis, self.max_turn * i as f64 / TURNS as f64);
+            self.holds(&(turn * asked_wr), &lift_w, wrench_w)
+        })
+    }
+
+    /// Whether the rotors give what an attitude takes. The tool's lever turns with the vehicle.
+    fn holds(&self, rotation_wr: &Matrix3, lift_w: &Vector3, wrench_w: &Wrench) -> bool {
+        let to_robot = rotation_wr.transpose();
+        let torque_r =
+            self.vehicle.tool().position_r.cross(&(to_robot * wrench_w.force)) + to_robot * wrench_w.torque;
+        let mut asked = Vector6::zeros();
+        asked.fixed_rows_mut::<3>(0).copy_from(&(to_robot * lift_w));
+        asked.fixed_rows_mut::<3>(3).copy_from(&torque_r);
+        (self.allocator.allocate(&asked).wrench - asked).norm() < GIVEN * self.vehicle.weight()
+    }
+
+    /// The largest force, N, that the level vehicle exerts in the direction in which it exerts most.
+    pub(crate) fn largest_force(&self) -> f64 {
+        self.largest(|force| Wrench { force, torque: Vector3::zeros() })
+    }
+
+    /// The largest torque, N m, likewise.
+    pub(crate) fn largest_torque(&self) -> f64 {
+        self.largest(|torque| Wrench { force: Vector3::zeros(), torque })
+    }
+
+    fn largest(&self, wrench: impl Fn(Vector3) -> Wrench) -> f64 {
+        let exerts = |direction: &Vector3, size: f64| {
+            let wrench_w = wrench(direction * size);
+            let lift_w = wrench_w.force + Vector3::new(0.0, 0.0, self.vehicle.weight());
+            self.holds(&Matrix3::identity(), &lift_w, &wrench_w)
+        };
+        let largest = |direction: Vector3| {
+            let (mut low, mut high) = (0.0, MOST);
+            for _ in 0..HALVINGS {
+                let middle = 0.5 * (low + high);
+                if exerts(&direction, middle) { low = middle } else { high = middle }
+            }
+            low
+        };
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        axes.iter().flat_map(|axis| [largest(*axis), largest(-axis)]).fold(0.0, f64::max)
+    }
+}
+
+/// The turn about an axis of any length, by an angle.
+fn about(axis: &Vector3, angle: f64) -> Matrix3 {
+    let length = axis.norm();
+    if length > 0.0 { so3::exp(&(axis * (angle / length))) } else { Matrix3::identity() }
+}

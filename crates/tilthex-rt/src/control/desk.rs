@@ -1,0 +1,231 @@
+//! Where orders are taken: from whom, whether they can be obeyed now, and by which way they go to the loop.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rtrb::Producer;
+use tilthex_config::orders::Orders;
+use tilthex_core::{flight::Command, supervisor::Phase};
+
+use super::places::Id;
+use crate::{
+    flags::Flags,
+    recorder::{Latest, Observer},
+    sleeper::Nanos,
+};
+
+/// Hands orders to the loop and to the log, in the same order.
+#[derive(Debug)]
+pub struct Desk {
+    counter: Mutex<Counter>,
+    observer: Observer,
+    flags: Flags,
+}
+
+/// What one order at a time may touch.
+#[derive(Debug)]
+struct Counter {
+    orders: Orders,
+    ring: Producer<Command>,
+    holder: Option<(Id, String)>,
+    /// The newest motion that was ordered is a stream of set-points.
+    streams: bool,
+}
+
+/// An order that goes past everything else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Urgent {
+    Kill,
+    Land,
+}
+
+/// Who gives an order.
+#[derive(Clone, Debug)]
+pub(super) struct Client {
+    pub(super) id: Id,
+    pub(super) name: String,
+}
+
+impl Desk {
+    /// From the parser to the loop's ring and flags, and to the recorder.
+    #[must_use]
+    pub fn new(orders: Orders, ring: Producer<Command>, observer: Observer, flags: Flags) -> Self {
+        let counter = Mutex::new(Counter { orders, ring, holder: None, streams: false });
+        Self { counter, observer, flags }
+    }
+
+    fn counter(&self) -> MutexGuard<'_, Counter> {
+        self.counter.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn observer(&self) -> &Observer {
+        &self.observer
+    }
+
+    /// Obeys at once, from anyone; waits for nobody.
+    pub(super) fn urgent(&self, order: Urgent, line: String, now: Nanos) {
+        match order {
+            Urgent::Kill => self.flags.kill(),
+            Urgent::Land => self.flags.land(),
+        }
+        self.observer.command(now as f64 * 1e-9, line, true);
+    }
+
+    /// Takes an order to the flight.
+    ///
+    /// # Errors
+    /// One sentence: who else holds the controls, what is wrong with it, or why it cannot be obeyed now.
+    pub(super) fn order(&self, client: &Client, name: &str, line: String, now: Nanos) -> Result<(), String> {
+        let situation = self.observer.look(|latest| Situation::of(latest, &self.flags));
+        let mut counter = self.counter();
+        match &counter.holder {
+            Some((id, holder)) if *id != client.id => {
+                return Err(format!(
+                    "{name}: {holder} holds the controls; take_controls takes them, kill and land need none"
+                ));
+            }
+            _ => {}
+        }
+        // Only an order that is taken changes what the next one means.
+        let mut orders = counter.orders.clone();
+        let command = orders.parse(&line)?;
+        if let Some(reason) = situation.refusal(&command, counter.streams) {
+            return Err(format!("{name}: {reason}"));
+        }
+        if counter.ring.is_full() {
+            return Err("the loop has not taken the orders before this one; try again".into());
+        }
+        counter.orders = orders;
+        match &command {
+            Command::Follow(_) => counter.streams = true,
+            Command::Play(_) => counter.streams = false,
+            _ => {}
+        }
+        // Said to the recorder first: the record that holds it must not come before it.
+        self.observer.command(now as f64 * 1e-9, line, false);
+        counter.holder = Some((client.id, client.name.clone()));
+        // Whoever moves the vehicle must be heard from now on; who has been, still is.
+        if moves(&command) || self.flags.has_operator() {
+            self.flags.hear(now);
+        }
+        counter.ring.push(command).map_err(|_| "the loop takes no orders".into())
+    }
+
+    /// Gives the controls to a client, whoever holds them.
+    pub(super) fn take_controls(&self, client: &Client, now: Nanos) {
+        self.counter().holder = Some((client.id, client.name.clone()));
+        self.hear(client.id, now);
+    }
+
+    /// A client has said a whole line.
+    pub(super) fn hear(&self, client: Id, now: Nanos) {
+        if self.flags.has_operator() && self.holder().is_some_and(|(id, _)| id == client) {
+            self.flags.hear(now);
+        }
+    }
+
+    /// Who holds the controls.
+    pub(super) fn holder(&self) -> Option<(Id, String)> {
+        self.counter().holder.clone()
+    }
+
+    /// A client is gone. Where it held the controls, they are free.
+    pub(super) fn leave(&self, client: Id) {
+        self.counter().holder.take_if(|(id, _)| *id == client);
+    }
+}
+
+/// Whether somebody must stay there who has ordered this.
+fn moves(command: &Command) -> bool {
+    match command {
+        Command::TakeOff | Command::Play(_) | Command::Follow(_) | Command::SetWrench(_) => true,
+        Command::SetAdmittance(_) | Command::ReleaseWrench | Command::ZeroBias => false,
+    }
+}
+
+/// What decides whether an order can be obeyed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Situation {
+    phase: Phase,
+    flew: bool,
+    killed: bool,
+    lands: bool,
+    compliant: bool,
+}
+
+impl Situation {
+    fn of(latest: &Latest, flags: &Flags) -> Self {
+        let record = latest.tick.as_ref().map(|tick| &tick.record);
+        Self {
+            phase: record.map_or(Phase::Disarmed, |record| record.phase),
+            flew: latest.statistics.flew,
+            killed: flags.kills(),
+            lands: flags.lands(),
+            compliant: record.is_some_and(|record| record.compliant),
+        }
+    }
+
+    /// Why an order would be acknowledged and then ignored.
+    fn refusal(&self, command: &Command, streams: bool) -> Option<&'static str> {
+        let aloft = self.phase.in_flight();
+        let landing = self.lands || matches!(self.phase, Phase::Landing | Phase::Emergency);
+        match command {
+            _ if self.killed => Some("the motors have been killed; the flight is over"),
+            _ if landing => Some("the vehicle lands; only kill and land are taken now"),
+            _ if self.flew && !aloft => Some("the flight is over"),
+            Command::TakeOff if self.phase != Phase::Disarmed => Some("the vehicle has taken off already"),
+            Command::Follow(_) | Command::ZeroBias if !aloft => {
+                Some("the vehicle does not fly; send take_off, and wait until the state says compliant")
+            }
+            Command::Follow(_) if !self.compliant => Some(
+                "take-off, or the learning of the bias, is not over; wait until the state says compliant",
+            ),
+            Command::ZeroBias if streams => Some(
+                "set-points are streamed, and the bias is learnt in a hover; fly to a place with play first",
+            ),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tilthex_core::{Matrix3, Setpoint, Vector3};
+
+    const HOVER: Situation =
+        Situation { phase: Phase::Flying, flew: true, killed: false, lands: false, compliant: true };
+
+    fn follow() -> Command {
+        Command::Follow(Setpoint::hold(Vector3::zeros(), Matrix3::identity()))
+    }
+
+    #[test]
+    fn what_would_be_ignored_is_refused() {
+        let ground = Situation::default();
+        let learning = Situation { compliant: false, ..HOVER };
+        for (situation, command, streams, says) in [
+            (ground, Command::TakeOff, false, None),
+            (ground, follow(), false, Some("does not fly")),
+            (ground, Command::ZeroBias, false, Some("does not fly")),
+            (Situation { phase: Phase::Grounded, ..ground }, Command::TakeOff, false, Some("already")),
+            (HOVER, Command::TakeOff, false, Some("already")),
+            (HOVER, follow(), true, None),
+            (learning, follow(), false, Some("bias")),
+            (HOVER, Command::ZeroBias, false, None),
+            (HOVER, Command::ZeroBias, true, Some("streamed")),
+            (Situation { lands: true, ..HOVER }, Command::ReleaseWrench, false, Some("lands")),
+            (Situation { phase: Phase::Landing, ..HOVER }, follow(), false, Some("lands")),
+            (Situation { phase: Phase::Emergency, ..HOVER }, Command::ZeroBias, false, Some("lands")),
+            (Situation { killed: true, ..ground }, Command::TakeOff, false, Some("killed")),
+            (Situation { phase: Phase::Disarmed, ..HOVER }, Command::TakeOff, false, Some("over")),
+        ] {
+            let found = situation.refusal(&command, streams);
+            match says {
+                None => assert_eq!(found, None, "{situation:?} {command:?}"),
+                Some(says) => {
+                    assert!(found.is_some_and(|found| found.contains(says)), "{situation:?} {found:?}")
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Orders to a running flight: lines of JSON over TCP or a Unix socket. `docs/protocols.md` describes the protocol.
+//!
+//! A client is one thread ([`client`]) around a conversation that knows no socket ([`session`]); what it orders goes
+//! over one desk ([`desk`]) to the loop.
+
+mod address;
+mod client;
+mod desk;
+mod places;
+mod session;
+mod state;
+#[cfg(test)]
+mod tests;
+mod token;
+
+use std::{
+    io,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, AtomicU64, Ordering},
+    },
+    thread::JoinHandle,
+    time::Duration,
+};
+
+pub use address::DEFAULT_ADDRESS;
+pub use desk::Desk;
+pub use token::Token;
+
+use address::{Address, Listener, Stream};
+use client::{Connection, LOOK};
+use places::{Place, Places};
+
+use crate::{
+    Failure,
+    sleeper::{Clock, Monotonic},
+};
+
+/// Somebody who finds no place waits so long for the next look.
+const WAIT: Duration = Duration::from_millis(5);
+
+/// What all connections share.
+#[derive(Debug)]
+struct Shared {
+    desk: Desk,
+    token: Option<Token>,
+    stop: AtomicBool,
+    refused: AtomicU64,
+}
+
+/// A listening control socket. It ends when it is dropped.
+#[derive(Debug)]
+pub struct ControlSocket {
+    address: String,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl ControlSocket {
+    /// Listens at `ADDRESS:PORT` or `unix:PATH`; where there is a token, every client must say it first.
+    ///
+    /// # Errors
+    /// One sentence: an address that is every address, not this computer's, or taken, or that others can reach
+    /// without a token.
+    pub fn start(address: &str, token: Option<Token>, desk: Desk) -> Result<Self, Failure> {
+        let listener = Address::parse(address, token.is_some())?.listen()?;
+        let failed = |e: io::Error| Failure::usage(format!("the control socket cannot be served: {e}"));
+        let address = listener.name().map_err(failed)?;
+        let shared =
+            Arc::new(Shared { desk, token, stop: AtomicBool::new(false), refused: AtomicU64::new(0) });
+        let listening = Arc::clone(&shared);
+        let thread = spawn("control", move || listen(&listener, &listening)).map_err(failed)?;
+        Ok(Self { address, shared, thread: Some(thread) })
+    }
+
+    /// Where it listens.
+    #[must_use]
+    pub fn address(&self) -> &str {
+        &self.address
+    }
+
+    /// Requests that were refused.
+    #[must_use]
+    pub fn refused(&self) -> u64 {
+        self.shared.refused.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for ControlSocket {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
+    std::thread::Builder::new().name(name.into()).stack_size(256 * 1024).spawn(run)
+}
+
+fn listen(listener: &Listener, shared: &Arc<Shared>) {
+    let places = Arc::new(Places::default());
+    while !shared.stop.load(Ordering::Relaxed) {
+        let Ok((stream, name)) = listener.accept() else {
+            std::thread::sleep(LOOK);
+            continue;
+        };
+        let Some(place) = place_for(&stream, &places, shared) else { return };
+        let name = format!("{name} (client {})", place.id);
+        let serving = Arc::clone(shared);
+        // Where there is no thread for it, the connection and its place are dropped.
+        let _ = spawn("control-client", move || {
+            if let Ok(connection) = Connection::new(stream, name, place, Arc::clone(&serving)) {
+                connection.serve(&serving);
+            }
+        });
+    }
+}
+
+/// Waits for a place; `None` where the program ends first. Whoever holds the controls keeps theirs.
+fn place_for(stream: &Stream, places: &Arc<Places>, shared: &Shared) -> Option<Place> {
+    while !shared.stop.load(Ordering::Relaxed) {
+        let holder = shared.desk.holder().map(|(id, _)| id);
+        if let Some(place) = places.enter(stream, holder, Monotonic.now()) {
+            return Some(place);
+        }
+        std::thread::sleep(WAIT);
+    }
+    None
+}

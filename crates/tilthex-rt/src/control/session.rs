@@ -1,0 +1,189 @@
+//! What one client says, and what it is answered; knows no socket, and no clock but the one it is told.
+
+use std::{
+    sync::{Arc, atomic::Ordering},
+    time::Duration,
+};
+
+use serde_json::{Map, Value, json};
+
+use super::{
+    Shared,
+    desk::{Client, Urgent},
+    state::state,
+};
+use crate::sleeper::Nanos;
+
+/// Slowest and fastest stream of states, Hz; 0 ends it.
+const RATES: (f64, f64) = (0.1, 100.0);
+/// A client that has not given an order of the protocol by then, or not ended the line that it has begun, is gone, ns.
+pub(super) const PATIENCE: Nanos = 5_000_000_000;
+
+/// The conversation with one client.
+#[derive(Debug)]
+pub(super) struct Session {
+    client: Client,
+    shared: Arc<Shared>,
+    /// It has shown the token, where one is asked for.
+    admitted: bool,
+    /// It has said a line of the protocol.
+    known: bool,
+    /// When it came, or ended its last line.
+    since: Nanos,
+    stream: Option<Stream>,
+}
+
+/// States of their own accord.
+#[derive(Clone, Copy, Debug)]
+struct Stream {
+    period: Nanos,
+    next: Nanos,
+}
+
+/// What follows from a line.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Reply {
+    /// What is said, if anything.
+    pub(super) line: Option<Value>,
+    /// Whether the connection ends.
+    pub(super) ends: bool,
+}
+
+impl Reply {
+    fn of(line: Value) -> Self {
+        Self { line: Some(line), ends: false }
+    }
+}
+
+impl Session {
+    /// With a client that has just connected.
+    pub(super) fn new(client: Client, shared: Arc<Shared>, now: Nanos) -> Self {
+        let admitted = shared.token.is_none();
+        Self { client, shared, admitted, known: false, since: now, stream: None }
+    }
+
+    /// Takes a whole line.
+    pub(super) fn line(&mut self, line: &[u8], now: Nanos) -> Reply {
+        self.since = now;
+        let reply = self.reply(line, now);
+        self.shared.desk.hear(self.client.id, now);
+        reply
+    }
+
+    fn reply(&mut self, line: &[u8], now: Nanos) -> Reply {
+        let request: Result<Map<String, Value>, _> = serde_json::from_slice(line);
+        let request = match request {
+            Ok(request) if request.get("command").is_some_and(Value::is_string) => request,
+            found => {
+                let reason = match found {
+                    Ok(_) => "no command; expected a string such as \"land\"".into(),
+                    Err(e) => format!("not a JSON object: {e}"),
+                };
+                // Somebody who speaks another protocol, such as a web page: nothing of what follows is meant for us.
+                return Reply { line: Some(self.refuse(Value::Null, &reason)), ends: !self.known };
+            }
+        };
+        self.known = true;
+        self.request(request, now)
+    }
+
+    fn request(&mut self, mut request: Map<String, Value>, now: Nanos) -> Reply {
+        let id = request.remove("id");
+        let quiet = id.is_none();
+        let id = id.unwrap_or_default();
+        let name = request.get("command").and_then(Value::as_str).unwrap_or_default().to_string();
+        if name == "authenticate" || !self.admitted {
+            return self.admit(&request, id);
+        }
+        let done = match name.as_str() {
+            "heartbeat" if quiet => return Reply { line: None, ends: false },
+            "heartbeat" => Ok(()),
+            "kill" => {
+                self.shared.desk.urgent(Urgent::Kill, Value::Object(request).to_string(), now);
+                Ok(())
+            }
+            "land" => {
+                self.shared.desk.urgent(Urgent::Land, Value::Object(request).to_string(), now);
+                Ok(())
+            }
+            "take_controls" => {
+                self.shared.desk.take_controls(&self.client, now);
+                Ok(())
+            }
+            "state" => return Reply::of(json!({"id": id, "ok": true, "state": self.state()})),
+            "stream" => self.set_stream(&request, now),
+            _ => self.shared.desk.order(&self.client, &name, Value::Object(request).to_string(), now),
+        };
+        Reply::of(match done {
+            Ok(()) => json!({"id": id, "ok": true}),
+            Err(reason) => self.refuse(id, &reason),
+        })
+    }
+
+    /// Takes the token, and nothing before it.
+    fn admit(&mut self, request: &Map<String, Value>, id: Value) -> Reply {
+        let said = request.get("token").and_then(Value::as_str);
+        self.admitted = match (&self.shared.token, said) {
+            (None, _) => true,
+            (Some(token), Some(said)) => token.is(said),
+            (Some(_), None) => false,
+        };
+        if self.admitted {
+            return Reply::of(json!({"id": id, "ok": true}));
+        }
+        let reason =
+            "authenticate: this flight takes orders from whoever says its token first, and this is not it";
+        Reply { line: Some(self.refuse(id, reason)), ends: true }
+    }
+
+    fn set_stream(&mut self, request: &Map<String, Value>, now: Nanos) -> Result<(), String> {
+        let (slowest, fastest) = RATES;
+        let rate = request.get("rate").and_then(Value::as_f64);
+        self.stream = match rate {
+            Some(0.0) => None,
+            Some(rate) if (slowest..=fastest).contains(&rate) => {
+                Some(Stream { period: (1e9 / rate) as Nanos, next: now })
+            }
+            _ => return Err(format!("stream: expected a rate of 0, or from {slowest} to {fastest} Hz")),
+        };
+        Ok(())
+    }
+
+    fn refuse(&self, id: Value, reason: &str) -> Value {
+        self.shared.refused.fetch_add(1, Ordering::Relaxed);
+        json!({"id": id, "error": reason})
+    }
+
+    /// The state that is due, if one is. Whole periods that were missed are left out.
+    pub(super) fn due(&mut self, now: Nanos) -> Option<Value> {
+        let stream = self.stream.as_mut().filter(|stream| now >= stream.next)?;
+        let missed = (now - stream.next) / stream.period;
+        stream.next = stream.next.saturating_add(stream.period.saturating_mul(missed + 1));
+        Some(json!({"state": self.state()}))
+    }
+
+    /// How long the client may be waited for before the next state is due, at most `longest`.
+    pub(super) fn patience(&self, now: Nanos, longest: Duration) -> Duration {
+        let next = self.stream.map_or(longest, |s| Duration::from_nanos(s.next.saturating_sub(now)));
+        next.clamp(Duration::from_millis(1), longest)
+    }
+
+    /// Why a client is not waited for any longer; `begun`: it has begun a line.
+    pub(super) fn overdue(&self, begun: bool, now: Nanos) -> Option<Value> {
+        let late = now.saturating_sub(self.since) > PATIENCE && (begun || !self.known || !self.admitted);
+        late.then(|| json!({"error": "no whole order came within 5 s"}))
+    }
+
+    fn state(&self) -> Value {
+        let holder = self.shared.desk.holder();
+        let holder = holder.as_ref().map(|(_, name)| name.as_str());
+        let refused = self.shared.refused.load(Ordering::Relaxed);
+        self.shared.desk.observer().look(|latest| state(latest, refused, holder))
+    }
+}
+
+impl Drop for Session {
+    fn drop(&mut self) {
+        self.shared.desk.leave(self.client.id);
+    }
+}

@@ -1,0 +1,250 @@
+//! Conversations with clients on virtual time, and with the real loop's ring at the other end.
+
+use std::sync::{Arc, atomic::AtomicBool};
+
+use proptest::prelude::*;
+use rtrb::{Consumer, RingBuffer};
+use serde_json::{Value, json};
+use tilthex_config::{Config, VehicleSection, orders::Orders};
+use tilthex_core::{
+    flight::{Command, Record},
+    supervisor::Phase,
+};
+use tilthex_sim::feed::{Feed, Tick};
+
+use super::{
+    Desk, Shared, Token,
+    desk::Client,
+    session::{PATIENCE, Reply, Session},
+};
+use crate::{
+    flags::Flags,
+    log::Attachments,
+    recorder::{Recorder, RecorderParams},
+};
+
+const SECOND: u64 = 1_000_000_000;
+const FOLLOW: &str =
+    r#"{"id": 1, "command": "follow", "position": [0,0,1], "rotation": [[1,0,0],[0,1,0],[0,0,1]]}"#;
+const RING: usize = 4;
+
+/// A desk, what it leads to, and a flight in hover.
+struct Office {
+    shared: Arc<Shared>,
+    commands: Consumer<Command>,
+    flags: Flags,
+    recorder: Option<(Recorder, Feed)>,
+    clients: u64,
+}
+
+impl Office {
+    fn new(token: Option<Token>) -> Self {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
+        let orders = Orders::new(&config);
+        let (ring, commands) = RingBuffer::new(RING);
+        let (recorder, feed, _) = Recorder::start(RecorderParams {
+            log: None,
+            black_box: "none".into(),
+            attachments: Attachments::default(),
+            rotor_count: 6,
+        })
+        .expect("starts");
+        let flags = Flags::default();
+        let desk = Desk::new(orders, ring, recorder.observer(), flags.clone());
+        let shared = Arc::new(Shared {
+            desk,
+            token,
+            stop: AtomicBool::new(false),
+            refused: std::sync::atomic::AtomicU64::new(0),
+        });
+        let mut office = Self { shared, commands, flags, recorder: Some((recorder, feed)), clients: 0 };
+        office.show(Phase::Flying);
+        office
+    }
+
+    /// Lets the recorder see a tick.
+    fn show(&mut self, phase: Phase) {
+        let (_, feed) = self.recorder.as_mut().expect("running");
+        let record = Record { phase, compliant: phase.in_flight(), ..Record::default() };
+        feed.push(&Tick { record, ..Tick::default() });
+        let seen = |latest: &crate::recorder::Latest| {
+            latest.tick.as_ref().is_some_and(|tick| tick.record.phase == phase)
+        };
+        while !self.shared.desk.observer().look(seen) {
+            std::thread::yield_now();
+        }
+    }
+
+    fn client(&mut self) -> Session {
+        self.clients += 1;
+        let client = Client { id: self.clients, name: format!("client {}", self.clients) };
+        Session::new(client, Arc::clone(&self.shared), 0)
+    }
+}
+
+impl Drop for Office {
+    fn drop(&mut self) {
+        if let Some((recorder, _)) = self.recorder.take() {
+            let _ = recorder.finish();
+        }
+    }
+}
+
+fn say(session: &mut Session, line: &str) -> Reply {
+    session.line(line.as_bytes(), SECOND)
+}
+
+fn error(reply: &Reply) -> &str {
+    reply.line.as_ref().and_then(|line| line["error"].as_str()).unwrap_or_default()
+}
+
+fn ok(reply: &Reply) -> bool {
+    reply.line.as_ref().is_some_and(|line| line["ok"] == json!(true)) && !reply.ends
+}
+
+#[test]
+fn a_web_page_gives_no_order() {
+    let mut office = Office::new(None);
+    let mut page = office.client();
+    let reply = say(&mut page, "POST / HTTP/1.1\r\n");
+    assert!(reply.ends && error(&reply).contains("not a JSON object"), "{reply:?}");
+    for first in ["{}", "[]", "\"land\"", "", "\u{0}", "{\"command\": 3}"] {
+        assert!(say(&mut office.client(), first).ends, "{first}");
+    }
+    assert!(!office.flags.kills() && !office.flags.lands());
+    // Somebody who has spoken the protocol may err.
+    let mut client = office.client();
+    assert!(ok(&say(&mut client, r#"{"command": "state"}"#)));
+    let reply = say(&mut client, "garbage");
+    assert!(!reply.ends && !error(&reply).is_empty());
+}
+
+#[test]
+fn kill_and_land_pass_a_full_ring_and_whoever_holds_the_controls() {
+    let mut office = Office::new(None);
+    let (mut streamer, mut other) = (office.client(), office.client());
+    for _ in 0..RING {
+        assert!(ok(&say(&mut streamer, FOLLOW)));
+    }
+    assert!(error(&say(&mut streamer, FOLLOW)).contains("try again"));
+    assert!(error(&say(&mut other, FOLLOW)).contains("client 1 holds the controls"));
+    assert!(ok(&say(&mut other, r#"{"command": "land"}"#)) && office.flags.lands());
+    // Whatever else stands in the line.
+    assert!(ok(&say(&mut other, r#"{"command": "kill", "why": "smoke"}"#)) && office.flags.kills());
+    assert_eq!(office.commands.slots(), RING, "neither went through the ring");
+    assert!(error(&say(&mut streamer, FOLLOW)).contains("killed"));
+}
+
+#[test]
+fn one_holds_the_controls_until_they_are_taken_or_left() {
+    let mut office = Office::new(None);
+    let (mut first, mut second) = (office.client(), office.client());
+    let zero = r#"{"command": "release_wrench"}"#;
+    assert!(ok(&say(&mut first, zero)));
+    assert!(error(&say(&mut second, zero)).contains("client 1"));
+    let state = say(&mut second, r#"{"command": "state"}"#).line.expect("an answer");
+    assert_eq!(state["state"]["controls"], "client 1");
+    assert!(ok(&say(&mut second, r#"{"command": "take_controls"}"#)));
+    assert!(error(&say(&mut first, zero)).contains("client 2"));
+    drop(second);
+    assert!(ok(&say(&mut first, zero)));
+}
+
+#[test]
+fn an_operator_who_moves_the_vehicle_must_be_heard() {
+    let mut office = Office::new(None);
+    let (mut operator, mut viewer) = (office.client(), office.client());
+    let patience = 2 * SECOND;
+    let silent = |office: &Office, now| office.flags.operator_silent(now, patience);
+    assert!(ok(&say(&mut operator, r#"{"command": "release_wrench"}"#)));
+    assert!(!silent(&office, 100 * SECOND), "nothing is flown for anybody");
+    assert!(ok(&operator.line(FOLLOW.as_bytes(), 100 * SECOND)));
+    assert!(!silent(&office, 102 * SECOND) && silent(&office, 103 * SECOND));
+    assert!(!viewer.line(br#"{"command": "state"}"#, 103 * SECOND).ends);
+    assert!(silent(&office, 103 * SECOND), "others do not speak for the operator");
+    let beat = operator.line(br#"{"command": "heartbeat"}"#, 103 * SECOND);
+    assert_eq!(beat, Reply { line: None, ends: false });
+    assert!(!silent(&office, 104 * SECOND));
+    drop(operator);
+    assert!(silent(&office, 106 * SECOND), "one who is gone is silent");
+    assert!(ok(&viewer.line(br#"{"command": "take_controls"}"#, 106 * SECOND)));
+    assert!(!silent(&office, 107 * SECOND));
+}
+
+#[test]
+fn without_the_token_nothing_is_taken() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("token");
+    std::fs::write(&path, "0123456789abcdef").expect("written");
+    let mut office = Office::new(Some(Token::read(&path).expect("long enough")));
+    for line in [r#"{"command": "kill"}"#, r#"{"command": "state"}"#, r#"{"command": "authenticate"}"#] {
+        let reply = say(&mut office.client(), line);
+        assert!(reply.ends && error(&reply).contains("token"), "{line}: {reply:?}");
+    }
+    assert!(say(&mut office.client(), r#"{"command": "authenticate", "token": "0123456789abcdeX"}"#).ends);
+    assert!(!office.flags.kills());
+    let mut client = office.client();
+    assert!(ok(&say(&mut client, r#"{"command": "authenticate", "token": "0123456789abcdef"}"#)));
+    assert!(ok(&say(&mut client, r#"{"command": "kill"}"#)) && office.flags.kills());
+}
+
+#[test]
+fn what_would_be_ignored_is_refused() {
+    let mut office = Office::new(None);
+    let mut client = office.client();
+    let zero = r#"{"command": "zero_bias"}"#;
+    assert!(ok(&say(&mut client, zero)));
+    assert!(ok(&say(&mut client, FOLLOW)));
+    assert!(error(&say(&mut client, zero)).contains("streamed"));
+    assert!(error(&say(&mut client, r#"{"command": "take_off"}"#)).contains("already"));
+    office.show(Phase::Landing);
+    assert!(error(&say(&mut client, FOLLOW)).contains("lands"));
+    assert!(ok(&say(&mut client, r#"{"command": "land"}"#)));
+}
+
+#[test]
+fn who_says_nothing_is_not_waited_for() {
+    let mut office = Office::new(None);
+    let mut client = office.client();
+    assert!(client.overdue(false, PATIENCE).is_none());
+    assert!(client.overdue(false, PATIENCE + 1).is_some(), "it never said an order");
+    assert!(ok(&client.line(br#"{"command": "state"}"#, SECOND)));
+    assert!(client.overdue(false, 1000 * SECOND).is_none(), "a viewer may be silent");
+    assert!(client.overdue(true, 1000 * SECOND).is_some(), "but not in the middle of a line");
+}
+
+#[test]
+fn a_stream_keeps_its_rate_and_leaves_out_what_was_missed() {
+    let mut office = Office::new(None);
+    let mut client = office.client();
+    assert!(ok(&client.line(br#"{"command": "stream", "rate": 50}"#, SECOND)));
+    let states = (0..1000).filter(|ms| client.due(SECOND + ms * 1_000_000).is_some()).count();
+    assert_eq!(states, 50);
+    assert!(client.due(10 * SECOND).is_some() && client.due(10 * SECOND).is_none());
+    assert!(ok(&client.line(br#"{"command": "stream", "rate": 0}"#, 10 * SECOND)));
+    assert!(client.due(100 * SECOND).is_none());
+}
+
+proptest! {
+    // Each begins a recorder.
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    #[test]
+    fn every_rate_is_in_range_or_refused(rate in prop_oneof![any::<f64>(), -1.0..200.0_f64], now in any::<u64>()) {
+        let mut office = Office::new(None);
+        let mut client = office.client();
+        let line = json!({"command": "stream", "rate": rate}).to_string();
+        let reply = client.line(line.as_bytes(), now / 2);
+        prop_assert_eq!(ok(&reply), rate == 0.0 || (0.1..=100.0).contains(&rate), "{}", reply.line.unwrap_or_default());
+        let _ = client.due(now);
+        let _ = client.patience(now, std::time::Duration::from_millis(20));
+    }
+
+    #[test]
+    fn no_line_panics_or_kills(line in prop::collection::vec(any::<u8>(), 0..200)) {
+        let mut office = Office::new(None);
+        let reply = office.client().line(&line, SECOND);
+        prop_assert!(reply.line.is_some_and(|line| line["error"] != Value::Null));
+        prop_assert!(!office.flags.kills());
+    }
+}
