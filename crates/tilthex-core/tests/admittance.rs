@@ -444,3 +444,37 @@ fn bad_matrices_are_named() {
     bad.mass[(3, 3)] = f64::NAN;
     assert!(AdmittanceFilter::new(bad).unwrap_err().to_string().contains("NaN"));
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(256))]
+
+    /// About one axis the filter is the spring in the sine of the angle, to 1e-6 rad.
+    #[test]
+    fn a_turn_about_one_axis_is_the_spring_in_the_sine(
+        m in 0.01..0.1f64, d in 0.5..4.0f64, k in 0.0..10.0f64, torque in -1.75..1.75f64,
+    ) {
+        let filter = AdmittanceFilter::new(AdmittanceParams {
+            max_rotation: 2.9, ..diagonal([1.0, 1.0, 1.0, m, m, m], [1.0, 1.0, 1.0, d, d, d], [1.0, 1.0, 1.0, k, k, k])
+        }).unwrap();
+        let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+        let push = Wrench { force: Vector3::zeros(), torque: Vector3::new(0.0, 0.0, torque) };
+        let rate = |y: [f64; 2]| [y[1], (torque - d * y[1] - k * y[0].sin()) / m];
+        let (mut state, mut y) = (AdmittanceState::default(), [0.0, 0.0]);
+        for _ in 0..100 {
+            filter.step(&mut state, &setpoint, &push, 0.002);
+            for _ in 0..100 {
+                let h = 2e-5;
+                let on = |a: [f64; 2], b: [f64; 2], h: f64| [a[0] + h * b[0], a[1] + h * b[1]];
+                let k1 = rate(y);
+                let k2 = rate(on(y, k1, 0.5 * h));
+                let k3 = rate(on(y, k2, 0.5 * h));
+                let k4 = rate(on(y, k3, h));
+                y = core::array::from_fn(|i| y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]));
+            }
+            if y[0].abs() > 2.5 {
+                break;
+            }
+            prop_assert!((so3::log(&state.rotation).z - y[0]).abs() < 1e-6, "{state:?} {y:?}");
+        }
+    }
+}

@@ -170,7 +170,7 @@ impl<B: Block> Motion<'_, B> {
         let acceleration = self.acceleration(state, &self.strained(state));
         let jerk =
             -self.law.damping_rate.apply(&acceleration) - self.law.stiffness_rate.apply(&join(&v, &turning));
-        let moved = (join(&v, &turning) + acceleration * (0.5 * dt)) * dt;
+        let moved = (join(&v, &turning) + (acceleration + jerk * (dt / 3.0)) * (0.5 * dt)) * dt;
         let (translation, turn) = halves(&moved);
         state.translation_w += translation;
         state.rotation = so3::exp(&turn) * state.rotation;
