@@ -184,6 +184,8 @@ impl SupervisorSection {
             max_force: self.max_force,
             max_torque: self.max_torque,
             start_timeout: self.start_timeout,
+            geofence: self.geofence,
+            geofence_height: self.geofence_height,
         }
     }
 }

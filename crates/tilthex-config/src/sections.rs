@@ -86,6 +86,10 @@ section! {
         max_torque: f64 = 5.0 => "N m" from 0.01 to 1e3,
         /// Longest time from the first start command until all motors spin.
         start_timeout: f64 = 30.0 => "s" from 1.0 to 300.0,
+        /// The vehicle lands where it is farther than this from its start along x or y.
+        geofence: f64 = 3.0 => "m" from 0.1 to 1e4,
+        /// The vehicle lands where it is higher than this above its start.
+        geofence_height: f64 = 3.0 => "m" from 0.1 to 1e4,
         /// Longest silence of the operator on the control socket while an order of theirs is flown; then the vehicle
         /// holds, and lands later. 0 for no limit.
         operator_timeout: f64 = 2.0 => "s" from 0.0 to 3600.0,

@@ -59,6 +59,7 @@ impl Flight {
             rotor_speeds: self.state.rotor_speeds,
             setpoint: *setpoint,
             compliant: true,
+            unyielding: None,
             learn_bias: false,
             lost_rotors: self.lost,
             fixed_attitude: false,

@@ -35,6 +35,26 @@ pub struct AdmittanceParams {
     pub max_rotation: f64,
 }
 
+/// Rate of a reference that does not yield, critically damped, 1/s.
+const FIRM: f64 = 2.0;
+/// How far it may be from its set-point at the begin, at the least: m and rad.
+const FIRM_EXCURSION: (f64, f64) = (1.0, 1.0);
+
+impl AdmittanceParams {
+    /// Those of a reference that does not yield and returns from wherever `yielding` let it go.
+    #[must_use]
+    pub(crate) fn firm(yielding: &Self) -> Self {
+        let (far, wide) = FIRM_EXCURSION;
+        Self {
+            mass: Matrix6::identity(),
+            damping: Matrix6::from_diagonal_element(2.0 * FIRM),
+            stiffness: Matrix6::from_diagonal_element(FIRM * FIRM),
+            max_translation: yielding.max_translation.max(far),
+            max_rotation: yielding.max_rotation.max(wide),
+        }
+    }
+}
+
 /// The admittance filter.
 ///
 /// ```

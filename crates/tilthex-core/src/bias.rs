@@ -8,6 +8,8 @@ use crate::types::{Matrix3, Wrench};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BiasEstimator {
     mean_r: Wrench,
+    /// Sums of the squared distances from the mean over time, N^2 s and (N m)^2 s.
+    squares: (f64, f64),
     time: f64,
 }
 
@@ -19,8 +21,20 @@ impl BiasEstimator {
         }
         self.time += dt;
         let weight = dt / self.time;
-        self.mean_r.force += (rotation_wr.transpose() * wrench.force - self.mean_r.force) * weight;
-        self.mean_r.torque += (wrench.torque - self.mean_r.torque) * weight;
+        let force = rotation_wr.transpose() * wrench.force - self.mean_r.force;
+        let torque = wrench.torque - self.mean_r.torque;
+        self.mean_r.force += force * weight;
+        self.mean_r.torque += torque * weight;
+        let kept = dt * (1.0 - weight);
+        self.squares.0 += kept * force.norm_squared();
+        self.squares.1 += kept * torque.norm_squared();
+    }
+
+    /// Deviations of force, N, and torque, N m, from their means.
+    #[must_use]
+    pub fn spread(&self) -> (f64, f64) {
+        let time = self.time.max(1e-9);
+        (libm::sqrt(self.squares.0 / time), libm::sqrt(self.squares.1 / time))
     }
 
     /// The mean so far (force and torque in R), and the seconds it was taken over.

@@ -8,7 +8,7 @@ use crate::{
     attitude::{Attitude, AttitudeParams, AttitudeSelector, AttitudeState},
     bias::BiasEstimator,
     error::check_range,
-    filters::{LowPass, LowPassState, dead_zone},
+    filters::{LowPass, LowPassState, dead_zone, lag_fraction},
     pose_control::{PoseCommand, PoseController, PoseGains},
     rotor_room::RotorRoom,
     types::{Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
@@ -16,6 +16,15 @@ use crate::{
     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
 };
 
+/// What errors of the model explain of an observed wrench, and a little more: a part of the weight; and of torques, which
+/// keep the attitude beside a push that upsets it, a part of the weight
+/// at the farthest rotor's distance.
+const MODEL_ERROR: (f64, f64) = (0.2, 0.3);
+/// Errors of the model last: so fast the force that an unyielding flight compensates follows what is observed, 1/s.
+const MODEL_ERROR_RATE: f64 = 3.0;
+/// The largest bias that is learnt, and how far it may deviate while it is: as above.
+const LARGEST_BIAS: (f64, f64) = (0.35, 0.2);
+const BIAS_SPREAD: (f64, f64) = (0.06, 0.06);
 /// Torque about every axis by the weight, m, without which a hover does not last.
 const LEAST_TORQUE: f64 = 1e-2;
 
@@ -51,6 +60,12 @@ pub struct Controller {
     observer: WrenchObserver,
     low_pass: LowPass,
     admittance: AdmittanceFilter,
+    /// Brings an unyielding reference back to the set-point.
+    firm: AdmittanceFilter,
+    /// Force, N, and torque, N m, beyond the bias that an unyielding flight compensates at most.
+    model_error: (f64, f64),
+    /// Force and torque that count as the weight.
+    scale: (f64, f64),
     room: Option<RotorRoom>,
     pose: PoseController,
     attitude: AttitudeSelector,
@@ -62,6 +77,8 @@ pub struct Controller {
 pub struct ControllerState {
     /// The wrench observer's.
     pub observer: WrenchObserverState,
+    /// Observed force, N, world, as an unyielding flight compensates it.
+    pub lasting_force_w: Vector3,
     /// The low-pass filter's.
     pub low_pass: LowPassState,
     /// The admittance filter's.
@@ -116,6 +133,11 @@ pub struct ControllerInput {
     /// to the set-point as the admittance filter's spring and damper let it:
     /// neither way does it jump.
     pub compliant: bool,
+    /// Where the reference must not yield (take-off, the hover to learn from, landing, emergency): the vertical force
+    /// that the rotors are asked for, N, at least and at most. Then the observed wrench is compensated only as far as
+    /// errors of the model explain it, so that nothing that is touched is pushed harder and harder, and a filter of its
+    /// own brings the reference back, whatever the admittance is.
+    pub unyielding: Option<[f64; 2]>,
     /// Whether this is a contact-free hover to learn the bias from; the mean
     /// is taken over when it ends.
     pub learn_bias: bool,
@@ -172,7 +194,12 @@ impl Controller {
         check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
         check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
         let room = RotorRoom::new(&vehicle, params.room_torque)?;
+        let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(0.0, f64::max);
+        let scale = (vehicle.weight(), vehicle.weight() * arm);
         Ok(Self {
+            scale,
+            firm: AdmittanceFilter::new(AdmittanceParams::firm(&params.admittance))?,
+            model_error: (MODEL_ERROR.0 * scale.0, MODEL_ERROR.1 * scale.1),
             room: Some(room).filter(|_| params.room_torque > 0.0),
             observer: WrenchObserver::new(&vehicle, params.observer)?,
             low_pass: LowPass::new(params.low_pass_hz)?,
@@ -200,6 +227,7 @@ impl Controller {
     /// Uses another admittance filter from now on; the reference stays where it is.
     pub fn set_admittance(&mut self, filter: AdmittanceFilter) {
         self.params.admittance = *filter.params();
+        self.firm = AdmittanceFilter::new(AdmittanceParams::firm(filter.params())).unwrap_or(self.firm);
         self.admittance = filter;
     }
 
@@ -240,6 +268,33 @@ impl Controller {
             .all(|axis| possible(axis * least) && possible(-axis * least))
     }
 
+    /// The weight at the farthest rotor's distance, N m.
+    #[must_use]
+    pub fn weight_at_arm(&self) -> f64 {
+        self.scale.1
+    }
+
+    /// Whether a wrench, of which only the size counts, is small enough to learn a bias beside it.
+    #[must_use]
+    pub fn is_small(&self, wrench: &Wrench) -> bool {
+        wrench.force.norm() < BIAS_SPREAD.0 * self.scale.0
+            && wrench.torque.norm() < BIAS_SPREAD.1 * self.scale.1
+    }
+
+    /// Whether what is being learnt can be a bias: neither larger than errors of the model make it, nor unsteady, as
+    /// contact is.
+    #[must_use]
+    pub fn can_be_bias(&self, estimator: &BiasEstimator) -> bool {
+        let (mean, _) = estimator.mean();
+        let (force, torque) = estimator.spread();
+        let largest = (LARGEST_BIAS.0 * self.scale.0, LARGEST_BIAS.1 * self.scale.1);
+        let spread = (BIAS_SPREAD.0 * self.scale.0, BIAS_SPREAD.1 * self.scale.1);
+        mean.force.norm() < largest.0
+            && mean.torque.norm() < largest.1
+            && force < spread.0
+            && torque < spread.1
+    }
+
     /// One tick: `dt` is the measured time since the last, s.
     pub fn step(&self, state: &mut ControllerState, input: &ControllerInput, dt: f64) -> ControllerOutput {
         let robot = &input.state;
@@ -273,12 +328,27 @@ impl Controller {
             let rotation_we = state.admittance.rotation * input.setpoint.rotation_we;
             drive.torque += room.torque(&rotation_we, tool);
         }
-        let yielded = self.admittance.step(&mut state.admittance, &input.setpoint, &drive, dt);
+        let share = if input.unyielding.is_some() { lag_fraction(MODEL_ERROR_RATE, dt) } else { 1.0 };
+        state.lasting_force_w += (observed.force - state.lasting_force_w) * share;
+        let (filter, compensated) = match input.unyielding {
+            None => (&self.admittance, observed),
+            // Rotors that carry so much and no more unload legs: those bear what else there is.
+            Some([least, most]) if least >= most => (&self.firm, observed - contact),
+            Some(_) => (&self.firm, self.explained(&observed, &contact, &state.lasting_force_w)),
+        };
+        let yielded = filter.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let full = centre_of_mass_reference(&yielded.reference, tool);
         // A turn of the reference does not move it.
         let mut pose = self.pose.translation(robot, &full);
-        let force_w = self.wanted_force(&pose, &observed);
+        let mut force_w = self.wanted_force(&pose, &compensated);
+        if let Some([least, most]) = input.unyielding {
+            // Less of it all rather than another direction.
+            if force_w.z > most {
+                force_w *= most.max(0.0) / force_w.z;
+            }
+            force_w.z = force_w.z.max(least).min(most);
+        }
         let attitude = if input.fixed_attitude {
             state.attitude = AttitudeState::default();
             Attitude { reference: full, lead_r: Vector3::zeros(), force_w }
@@ -291,7 +361,7 @@ impl Controller {
         self.pose.rotation(&mut pose, robot, &asked);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
-            Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &observed) }.to_vector();
+            Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &compensated) }.to_vector();
         let allocation = self.allocator.step(&mut state.allocator, &wanted_wrench_r, &rotors);
         ControllerOutput {
             rotor_speeds: speeds(&allocation.inputs),
@@ -306,6 +376,17 @@ impl Controller {
             wanted_wrench_r,
             allocation,
             excursion_limited: yielded.limited,
+        }
+    }
+
+    /// The part of an observed wrench that errors of the model explain: the bias, and so much of the contact.
+    fn explained(&self, observed: &Wrench, contact: &Wrench, lasting_force_w: &Vector3) -> Wrench {
+        let (force, torque) = self.model_error;
+        let excess = |v: Vector3, limit: f64| v * (1.0 - limit / v.norm().max(limit));
+        let bias_w = observed.force - contact.force;
+        Wrench {
+            force: lasting_force_w - excess(lasting_force_w - bias_w, force),
+            torque: observed.torque - excess(contact.torque, torque),
         }
     }
 

@@ -221,6 +221,7 @@ fn fly(seed: u64, trouble: &Trouble, tally: &mut Tally) {
             rotor_speeds: sensing.rotor_speeds(&plant, &state),
             setpoint: setpoint(&motion, &vehicle, t),
             compliant: false,
+            unyielding: None,
             learn_bias: false,
             lost_rotors: 0,
             fixed_attitude: false,

@@ -83,6 +83,7 @@ impl Loop {
             rotor_speeds: self.sensors.rotor_speeds(&self.plant, &self.state),
             setpoint: *setpoint,
             compliant: true,
+            unyielding: None,
             learn_bias: false,
             lost_rotors: 0,
             fixed_attitude: false,

@@ -14,6 +14,7 @@
 
 mod awaited;
 mod gate;
+mod line_delay;
 mod linked;
 mod outgoing;
 mod registry;
@@ -24,6 +25,7 @@ mod wire;
 
 pub use awaited::{Awaited, InertialDue};
 pub use gate::{Gate, GateCounters, GateParams, Verdict};
+pub use line_delay::LineDelay;
 pub use linked::{LinkedFlight, LinkedOutput, LinkedParams, WireInput};
 pub use outgoing::{MAX_BYTES_OUT, Outgoing};
 pub use registry::{Link, LinkKind};

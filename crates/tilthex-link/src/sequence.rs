@@ -103,6 +103,12 @@ impl SequenceClock {
         }
     }
 
+    /// The newest sample's own time by its number, s from the first one.
+    #[must_use]
+    pub fn made(&self) -> Option<f64> {
+        self.last.map(|last| self.remote(last.count))
+    }
+
     /// Counts so far.
     #[must_use]
     pub fn counters(&self) -> SequenceCounters {

@@ -70,6 +70,7 @@ impl Controller {
             rotor_speeds: convert::rotors("rotor_speeds", rotor_speeds, count)?,
             setpoint: setpoint.0,
             compliant,
+            unyielding: None,
             learn_bias,
             lost_rotors: convert::rotor_set("lost_rotors", lost_rotors, count)?,
             fixed_attitude: false,

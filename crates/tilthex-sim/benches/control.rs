@@ -29,6 +29,7 @@ fn tick(c: &mut Criterion) {
         rotor_speeds: hover.rotor_speeds,
         setpoint: Setpoint::hold(vehicle.tool().position_r, Matrix3::identity()),
         compliant: true,
+        unyielding: None,
         learn_bias: false,
         lost_rotors: 0,
         fixed_attitude: false,

@@ -215,6 +215,14 @@ impl Estimator {
         Ok(())
     }
 
+    /// Goes on from a state that was reckoned without poses.
+    pub(crate) fn go_on_from(&mut self, mean: Navigation) {
+        let deviation = InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial };
+        let newest = (self.newest_pose, self.newest_position);
+        self.start(self.now(), mean, &deviation);
+        (self.newest_pose, self.newest_position) = newest;
+    }
+
     fn start_mean(
         &self,
         time: f64,

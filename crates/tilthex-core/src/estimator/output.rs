@@ -4,7 +4,7 @@ use super::{Estimator, Health, Status};
 use crate::{
     so3,
     types::{RobotState, Vector3},
-    ukf::Covariance,
+    ukf::{Covariance, Navigation},
 };
 
 impl Estimator {
@@ -69,6 +69,11 @@ impl Estimator {
         let alpha = p.imu_rotation_ri * self.angular_acceleration_i;
         let arm = p.imu_position_r;
         p.imu_rotation_ri * force - alpha.cross(&arm) - omega.cross(&omega.cross(&arm))
+    }
+
+    /// The IMU's state and biases at the newest sample.
+    pub(crate) fn navigation(&self) -> Navigation {
+        self.current
     }
 
     /// Bias of the gyro, rad/s, IMU coordinates.

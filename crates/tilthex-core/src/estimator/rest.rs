@@ -7,6 +7,9 @@ use crate::{
 use core::fmt;
 use libm::{acos, fabs, sqrt};
 
+/// So far may up of the pose and of the accelerometer be apart, degrees: a body that is defined askew flies askew.
+const MOST_TILT: f64 = 2.0;
+
 /// What counts as rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RestParams {
@@ -77,7 +80,7 @@ impl fmt::Display for StartError {
             ),
             Self::GravityDisagrees { degrees } => write!(
                 f,
-                "up of the captured pose and of the accelerometer are {degrees:.0} degrees apart; check the capture \
+                "up of the captured pose and of the accelerometer are {degrees:.1} degrees apart, at most 2 are flown with; check the capture \
                  system's up axis, imu_rotation and body_rotation"
             ),
             Self::Pose(error) => error.fmt(f),
@@ -175,6 +178,6 @@ impl RestDetector {
         let means = verdict?;
         let up = (rotation_wi * means.force).z / means.force.norm();
         let degrees = acos(up.clamp(-1.0, 1.0)).to_degrees();
-        if degrees > 15.0 { Err(StartError::GravityDisagrees { degrees }) } else { Ok(means) }
+        if degrees > MOST_TILT { Err(StartError::GravityDisagrees { degrees }) } else { Ok(means) }
     }
 }

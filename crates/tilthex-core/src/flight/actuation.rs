@@ -2,10 +2,11 @@
 
 use super::{Flight, guidance::Descent, io::MotorCommand};
 use crate::{
+    bias::BiasEstimator,
     controller::{ControllerInput, ControllerState},
     so3,
     supervisor::{Fault, Phase, limits::VELOCITY_DEVIATION},
-    types::RotorVector,
+    types::{RobotState, RotorVector},
 };
 
 /// From the lowest speeds to just below hover, s.
@@ -15,7 +16,7 @@ const RAMP_END: f64 = 0.95;
 
 impl Flight {
     /// What the rotors are asked in this phase.
-    pub(super) fn control(&mut self, rotor_speeds: &RotorVector, dt: f64) {
+    pub(super) fn control(&mut self, rotor_speeds: &RotorVector, line_delay: f64, dt: f64) {
         let phase = self.supervisor.phase();
         self.not_finite = false;
         match phase {
@@ -29,29 +30,34 @@ impl Flight {
                 self.accept(&ramped);
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                let robot = self.robot_state();
+                let late = self.supervisor.active().contains(Fault::LineLate);
+                let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
                 let learns_model = guided.learn_model || self.learns_model;
                 self.learn_model(learns_model, &guided.setpoint, rotor_speeds, dt);
+                let controller = if late { &self.slow_controller } else { &self.controller };
+                let compliant = guided.compliant && !self.learns && !learns_model && !self.model.is_pending();
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.specific_force_r(),
                     rotor_speeds: *rotor_speeds,
                     setpoint: guided.setpoint,
-                    compliant: guided.compliant && !self.learns && !learns_model && !self.model.is_pending(),
+                    compliant,
+                    unyielding: (!compliant).then_some(self.lift),
                     learn_bias: guided.learn_bias || self.learns,
-                    lost_rotors: self.lost,
+                    lost_rotors: self.lost | self.thrust.tried(),
                     fixed_attitude: phase == Phase::Emergency,
                 };
-                let output = self.controller.step(&mut self.control, &input, dt);
+                let output = controller.step(&mut self.control, &input, dt);
                 if self.accept(&self.rotor_model.made_up(&output.rotor_speeds)) {
-                    self.without_thrust = self.thrust.step(
-                        &self.params.vehicle,
-                        rotor_speeds,
-                        &output.contact(&robot, &self.control.bias_r),
-                        dt,
-                    );
+                    let (vehicle, external) =
+                        (&self.params.vehicle, output.contact(&robot, &self.control.bias_r));
+                    self.without_thrust = self.thrust.step(vehicle, rotor_speeds, &external, dt);
+                    self.lifting = self.thrust.lifting(vehicle, &self.rotor_model.expected(), &external);
                     self.output = Some(output);
+                    if guided.learn_bias {
+                        self.watch_learning();
+                    }
                     // Without its attitude, thrust only carries it away.
                     if self.attitude_lost() {
                         self.command = self.min_speeds;
@@ -69,9 +75,37 @@ impl Flight {
         }
     }
 
-    fn descent(&self) -> Descent {
+    /// Pose and twist when a command of this tick takes effect: a late line is late either way.
+    fn state_at_arrival(&mut self, line_delay: f64, dt: f64) -> RobotState {
+        let vehicle = &self.params.vehicle;
+        let torque_r = vehicle.body_wrench(&self.rotor_model.expected()).torque;
+        self.pending.push(vehicle.inertia_inverse() * (torque_r + self.control.observer.wrench.torque), dt);
+        let robot = self.robot_state();
+        if line_delay > 0.0 { self.pending.ahead(&robot, 2.0 * line_delay) } else { robot }
+    }
+
+    /// An order to learn the bias: refused where the tool is in contact or the set-point moves.
+    pub(super) fn zero_bias(&mut self) {
+        let free = self.output.is_some_and(|o| self.controller.is_small(&o.wrench_tool_w));
+        self.bias_refused = !(free && self.guidance.zero_bias());
+    }
+
+    /// Contact is not learnt as bias.
+    fn watch_learning(&mut self) {
+        if !self.controller.can_be_bias(&self.control.bias_estimator) {
+            self.control.bias_estimator = BiasEstimator::default();
+            self.guidance.end_learning();
+            self.bias_refused = true;
+        }
+    }
+
+    /// How an emergency goes down now.
+    pub(super) fn descent(&self) -> Descent {
         // A NaN is not known either.
         let known = self.known.is_some() || self.estimator.health().velocity_deviation <= VELOCITY_DEVIATION;
+        if self.supervisor.active().contains(Fault::LandingFails) {
+            return Descent::Forced;
+        }
         match (known, self.adrift) {
             (false, _) => Descent::Blind,
             (true, true) => Descent::Adrift,

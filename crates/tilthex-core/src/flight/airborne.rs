@@ -32,6 +32,7 @@ impl Flight {
         self.command = self.params.vehicle.hover_speeds(&self.robot_state().rotation_wr);
         self.rotor_model.begin_at(&self.command);
         self.supervisor = Supervisor::in_flight();
+        self.bounds.begin(&start.position_w, false);
         self.take_off = true;
         let here = self.actual_tool();
         let hold = || Trajectory::hold(here.position_w, here.rotation_we);

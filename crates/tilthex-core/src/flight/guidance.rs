@@ -7,7 +7,7 @@ use crate::{
     so3,
     supervisor::{
         Phase,
-        limits::{ADRIFT_SPEED, SETPOINT_STALE},
+        limits::{ADRIFT_SPEED, FORCED_SPEED, SETPOINT_STALE},
     },
     trajectory::{Limits, Trajectory, Waypoint},
     types::{Matrix3, RobotState, Setpoint, Vector3, Wrench},
@@ -53,6 +53,8 @@ pub(super) enum Descent {
     Adrift,
     /// With a little less thrust than the weight: without a speed to go by.
     Blind,
+    /// Wherever it is: a descent that did not come down.
+    Forced,
 }
 
 /// The descent of a landing, which goes on until the ground is felt: where the
@@ -118,6 +120,8 @@ pub(super) struct Guidance {
     followed_age: f64,
     room: Room,
     wrench_w: Option<Wrench>,
+    /// Whether a landing first gets away from what the tool touches.
+    retreats: bool,
     sink: Sink,
     detour: Detour,
 }
@@ -151,6 +155,7 @@ impl Guidance {
             followed_age: 0.0,
             room: Room::full(&params.stream, params.max_setpoint_jump),
             wrench_w: None,
+            retreats: false,
             sink: Sink::default(),
             detour: Detour::default(),
         }
@@ -166,6 +171,17 @@ impl Guidance {
     #[must_use]
     pub(super) fn mission_done(&self) -> bool {
         self.stage == Stage::Mission && self.time >= self.trajectory.duration()
+    }
+
+    /// Speed of the descent that is commanded, m/s; none where it goes by thrust alone.
+    pub(super) fn sinks(&self, phase: Phase, descent: Descent) -> Option<f64> {
+        match (phase, descent) {
+            (Phase::Emergency, Descent::Blind) => None,
+            (Phase::Emergency, Descent::Adrift) => Some(ADRIFT_SPEED),
+            (Phase::Emergency, Descent::Forced) => Some(FORCED_SPEED),
+            (Phase::Emergency, Descent::Steady) => Some(self.params.landing_speed),
+            _ => Some(self.sink.speed),
+        }
     }
 
     /// Whether streamed set-points have stopped.
@@ -212,8 +228,9 @@ impl Guidance {
         }
     }
 
-    /// Straight down, turning level on the way, from a reference of the tool.
-    pub(super) fn begin_landing(&mut self, from: &Setpoint, tool: &Mounting) {
+    /// Straight down, turning level on the way, from a reference of the tool; before it sinks, it moves by
+    /// `retreat_w`, m, away from what it touches.
+    pub(super) fn begin_landing(&mut self, from: &Setpoint, retreat_w: &Vector3, tool: &Mounting) {
         let rotation_wr = from.rotation_we * tool.rotation_r.transpose();
         let robot_w = from.position_w - rotation_wr * tool.position_r;
         let start = Waypoint {
@@ -222,7 +239,8 @@ impl Guidance {
             ..tool_waypoint(robot_w, &rotation_wr, tool)
         };
         let limits = self.params.limits;
-        self.fly(start, &[tool_waypoint(robot_w, &level(&rotation_wr), tool)], &limits);
+        self.fly(start, &[tool_waypoint(robot_w + retreat_w, &level(&rotation_wr), tool)], &limits);
+        self.retreats = *retreat_w != Vector3::zeros();
         self.stage = Stage::Land;
         self.sink = Sink::default();
         self.detour = Detour::default();
@@ -274,13 +292,20 @@ impl Guidance {
         self.detour.offset_w += by_w;
     }
 
-    /// Learns the bias once more. False where set-points are streamed: the hover that it takes would never come.
+    /// Learns the bias once more, from a hover where the set-point is. False where it moves.
     pub(super) fn zero_bias(&mut self) -> bool {
-        let hovers = self.stage != Stage::Follow;
-        if hovers {
-            self.hover_time = 0.0;
+        let at_rest = self.mission_done() || self.stale();
+        if at_rest {
+            let here = self.sample();
+            self.trajectory = Trajectory::hold(here.position_w, here.rotation_we);
+            (self.stage, self.time, self.hover_time) = (Stage::Mission, 0.0, 0.0);
         }
-        hovers
+        at_rest
+    }
+
+    /// Ends the hover to learn from before its time.
+    pub(super) fn end_learning(&mut self) {
+        self.hover_time = self.params.bias_time;
     }
 
     /// The set-point of this tick; an emergency goes down by `descent`.
@@ -311,6 +336,7 @@ impl Guidance {
             match descent {
                 Descent::Steady => setpoint.velocity_w.z = -self.params.landing_speed,
                 Descent::Adrift => setpoint.velocity_w.z = -ADRIFT_SPEED,
+                Descent::Forced => setpoint.velocity_w.z = -FORCED_SPEED,
                 Descent::Blind => {
                     setpoint.velocity_w = robot.velocity_w;
                     setpoint.acceleration_w.z = -BLIND_ACCELERATION;
@@ -329,7 +355,9 @@ impl Guidance {
             setpoint.angular_velocity_w = w * rate;
         }
         if self.stage == Stage::Land {
-            self.sink.step(self.params.landing_speed, dt);
+            if !self.retreats || self.time >= self.trajectory.duration() {
+                self.sink.step(self.params.landing_speed, dt);
+            }
             setpoint.position_w.z -= self.sink.depth;
             setpoint.velocity_w.z -= self.sink.speed;
             setpoint.acceleration_w.z -= self.sink.rate;
@@ -338,12 +366,13 @@ impl Guidance {
         setpoint.position_w += self.detour.offset_w;
         setpoint.velocity_w += self.detour.velocity_w;
         setpoint.acceleration_w += self.detour.acceleration_w;
-        let hovering = self.stage == Stage::Mission && phase == Phase::Flying;
-        let learn_bias = hovering && self.hover_time < self.params.bias_time;
-        if hovering {
+        // Its time passes while the vehicle holds, too: nothing waits for a hover that never comes.
+        let learning = self.stage == Stage::Mission && self.hover_time < self.params.bias_time;
+        if self.stage == Stage::Mission {
             self.hover_time += dt;
         }
-        let compliant = matches!(self.stage, Stage::Mission | Stage::Follow) && !learn_bias;
+        let learn_bias = learning && phase == Phase::Flying;
+        let compliant = matches!(self.stage, Stage::Mission | Stage::Follow) && !learning;
         let learn_model = self.stage == Stage::Calibration;
         Guided { setpoint, compliant, learn_bias, learn_model }
     }

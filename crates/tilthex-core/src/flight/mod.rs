@@ -7,16 +7,22 @@
 
 mod actuation;
 mod airborne;
+mod bounds;
+mod capture;
+mod descent;
 mod guidance;
 mod io;
+mod landing;
+mod late;
+mod lift_off;
 mod model;
 mod record;
 mod room;
 mod rotors;
 mod sensing;
+mod stopped;
 mod telemetry;
 mod thrust;
-mod touchdown;
 mod watch;
 
 pub use airborne::AirborneStart;
@@ -32,14 +38,19 @@ use crate::{
     admittance::AdmittanceState,
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
-    supervisor::{Facts, Fault, Phase, Supervisor, limits::IMU_LATE},
-    types::{RotorVector, Setpoint},
+    supervisor::{Facts, Fault, Phase, Supervisor},
+    types::{RotorVector, Setpoint, Vector3},
 };
+use bounds::Bounds;
+use capture::CaptureWatch;
 use guidance::Guidance;
+use landing::{FREE, Landing, Lift};
+use late::Pending;
+use lift_off::LiftOff;
 use model::ModelState;
 use rotors::RotorModel;
+use stopped::StoppedWatch;
 use thrust::ThrustWatch;
-use touchdown::Touchdown;
 use watch::Watch;
 
 /// The parts of a flight's configuration.
@@ -67,6 +78,9 @@ const LONGEST_STEP: f64 = 0.1;
 pub struct Flight {
     params: FlightParams,
     controller: Controller,
+    /// The same for a line that is late, and what is under way on it.
+    slow_controller: Controller,
+    pending: Pending,
     control: ControllerState,
     estimator: Estimator,
     /// The state in place of the estimator's.
@@ -88,14 +102,24 @@ pub struct Flight {
     output: Option<ControllerOutput>,
     take_off: bool,
     setpoint_refused: bool,
+    /// The bias is not learnt: the vehicle does not rest free of contact.
+    bias_refused: bool,
     /// A queued route was refused at the end of the last tick.
     route_refused: bool,
     not_finite: bool,
     time: Option<f64>,
     tick: u64,
     ramp: f64,
-    touchdown: Touchdown,
+    landing: Landing,
+    /// What the rotors carry at least and at most while the reference does not yield.
+    lift: Lift,
+    bounds: Bounds,
+    capture: CaptureWatch,
+    lift_off: LiftOff,
     thrust: ThrustWatch,
+    stopped: StoppedWatch,
+    /// Rotors that lift though their motors may say that they have stopped, a bit each.
+    lifting: u16,
     /// Rotors without thrust, and all that are lost, a bit each, and whether the vehicle can not hover without them.
     without_thrust: u16,
     lost: u16,
@@ -116,6 +140,8 @@ impl Flight {
         }
         Ok(Self {
             controller: Controller::new(vehicle, params.controller)?,
+            slow_controller: Controller::new(vehicle, late::slowed(&params.controller))?,
+            pending: Pending::default(),
             control: ControllerState::default(),
             estimator: Estimator::new(params.estimator)?,
             known: None,
@@ -134,13 +160,20 @@ impl Flight {
             output: None,
             take_off: params.take_off,
             setpoint_refused: false,
+            bias_refused: false,
             route_refused: false,
             not_finite: false,
             time: None,
             tick: 0,
             ramp: 0.0,
-            touchdown: Touchdown::default(),
+            landing: Landing::default(),
+            lift: FREE,
+            bounds: Bounds::default(),
+            capture: CaptureWatch::default(),
+            lift_off: LiftOff::default(),
             thrust: ThrustWatch::new(&vehicle),
+            stopped: StoppedWatch::default(),
+            lifting: 0,
             without_thrust: 0,
             lost: 0,
             adrift: false,
@@ -192,7 +225,7 @@ impl Flight {
         self.absorb_jump(&before, dt);
         self.obey(input.command);
         self.supervise(input, &rotor_speeds, period, dt);
-        self.control(&rotor_speeds, dt);
+        self.control(&rotor_speeds, input.telemetry.inertial.line_delay, dt);
         out.motors = self.motor_command();
         self.record(input, period, &rotor_speeds, &mut out.record);
         self.tick += 1;
@@ -203,7 +236,7 @@ impl Flight {
         match command {
             None => {}
             Some(Command::TakeOff) => self.take_off = true,
-            Some(Command::ZeroBias) => self.setpoint_refused = !self.guidance.zero_bias(),
+            Some(Command::ZeroBias) => self.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
             Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
@@ -225,10 +258,14 @@ impl Flight {
     fn supervise(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
         let before = self.supervisor.phase();
         let motors = input.telemetry.motors();
-        let stopped = self.rotor_model.stopped(motors, input.time);
+        let own = motors.iter().enumerate().fold(0, |set, (i, m)| set | u16::from(m.emergency) << i);
+        let still = self.rotor_model.stopped(motors, input.time);
+        let stopped = self.stopped.step(still, own, self.lifting, dt);
+        self.rotor_model.set_doubted(self.stopped.doubted());
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
         let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);
-        self.rotor_model.adapt(motors, input.time, wrong && stopped == 0, dt);
+        let late = self.supervisor.active().contains(Fault::LineLate);
+        self.rotor_model.adapt(motors, input.time, wrong && stopped == 0 && !late, dt);
         let mut conditions = self.watch.conditions(
             &watch::Seen {
                 now: input.time,
@@ -251,10 +288,15 @@ impl Flight {
         let refused = core::mem::take(&mut self.route_refused) || self.setpoint_refused;
         conditions.insert_if(Fault::SetpointJump, refused);
         conditions.insert_if(Fault::SetpointStale, self.guidance.stale());
+        conditions.insert_if(Fault::BiasRefused, core::mem::take(&mut self.bias_refused));
         conditions.insert_if(Fault::NotFinite, self.not_finite);
+        conditions.insert_if(Fault::MotorDataWrong, self.stopped.doubted() != 0);
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
+        self.watch_bounds(before, &mut conditions, dt);
+        let contradiction = self.watch_capture(before, &mut conditions);
+        let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
         // An order to take off does not wait for whoever speaks next.
         self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);
         let facts = Facts {
@@ -262,9 +304,10 @@ impl Flight {
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
             all_spinning: input.telemetry.all_spinning(),
             ramp_done: self.ramp >= actuation::RAMP,
-            touchdown: self.touchdown(input, rotor_speeds, dt),
+            touchdown: self.descend(input, rotor_speeds, dt),
             take_off: self.take_off,
             kill: input.host.kill,
+            abort,
         };
         let tracked = !self.supervisor.active().contains(Fault::TrackingError);
         let phase = self.supervisor.step(conditions, &facts, dt);
@@ -276,7 +319,7 @@ impl Flight {
             && self.supervisor.active().contains(Fault::TrackingError)
         {
             // What could not be followed is not flown back to.
-            self.land_from(&self.actual_tool());
+            self.land_from(&self.actual_tool(), &Vector3::zeros());
         }
         let waiting = self.guidance.ready() && phase == Phase::Flying;
         if let Some(route) = self.route.take_if(|_| waiting) {
@@ -290,12 +333,13 @@ impl Flight {
             Phase::Starting | Phase::Grounded => self.ramp = 0.0,
             Phase::Flying if before == Phase::Grounded => {
                 self.control = ControllerState::default();
-                self.guidance.begin_take_off(&self.robot_state(), self.params.vehicle.tool());
+                let robot = self.robot_state();
+                self.bounds.begin(&robot.position_w, true);
+                self.capture.take_off(&self.estimator.navigation());
+                self.lift_off.begin();
+                self.guidance.begin_take_off(&robot, self.params.vehicle.tool());
             }
-            Phase::Landing => {
-                // From the reference where there is one, so that nothing jumps.
-                self.land_from(&self.output.map_or_else(|| self.actual_tool(), |o| o.reference));
-            }
+            Phase::Landing => self.begin_landing(before),
             Phase::Emergency => self.control.admittance = AdmittanceState::default(),
             Phase::Disarmed => {
                 self.take_off = self.take_off && !self.supervisor.landed();
@@ -315,34 +359,5 @@ impl Flight {
             angular_velocity_w,
             ..Setpoint::hold(robot.position_w + lever_w, robot.rotation_wr * tool.rotation_r)
         }
-    }
-
-    /// Straight down from a pose; what it moves is brought to rest by the admittance filter.
-    fn land_from(&mut self, from: &Setpoint) {
-        self.guidance.begin_landing(from, self.params.vehicle.tool());
-        let rest = Setpoint::hold(from.position_w, from.rotation_we);
-        self.control.admittance = AdmittanceState::at(from, &rest);
-    }
-
-    /// Whether the ground carries the vehicle, by the last tick's forces.
-    fn touchdown(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) -> bool {
-        let descends = matches!(self.supervisor.phase(), Phase::Landing | Phase::Emergency);
-        let Some(output) = self.output.as_ref().filter(|_| descends) else {
-            self.touchdown = Touchdown::default();
-            return false;
-        };
-        let robot = self.robot_state();
-        let bias_w = robot.rotation_wr * self.control.bias_r.force;
-        let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
-        let weight = self.params.vehicle.weight();
-        let seen = touchdown::Seen {
-            missing: weight - (thrust_w + bias_w).z,
-            observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)
-                .then(|| output.wrench_robot.force - bias_w),
-            velocity: robot.velocity_w.z,
-            toppled: self.supervisor.active().contains(Fault::Tilt),
-            adrift: self.adrift,
-        };
-        self.touchdown.step(&seen, weight, dt)
     }
 }

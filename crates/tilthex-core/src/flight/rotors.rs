@@ -29,6 +29,8 @@ pub(super) struct RotorModel {
     gain: RotorVector,
     /// Whether the line is full of garbage: without a checksum some of it passes for measurements.
     garbled: bool,
+    /// Bit `i` is set where motor `i` (from 0) is not believed.
+    doubted: u16,
 }
 
 impl RotorModel {
@@ -50,6 +52,7 @@ impl RotorModel {
             expected: zero,
             gain: RotorVector::repeat(1.0),
             garbled: false,
+            doubted: 0,
         }
     }
 
@@ -74,6 +77,16 @@ impl RotorModel {
     /// Whether what is heard of motors is to be believed from now on.
     pub(super) fn set_garbled(&mut self, garbled: bool) {
         self.garbled = garbled;
+    }
+
+    /// Which motors are not believed from now on.
+    pub(super) fn set_doubted(&mut self, doubted: u16) {
+        self.doubted = doubted;
+    }
+
+    /// The speeds that the model expects, Hz.
+    pub(super) fn expected(&self) -> RotorVector {
+        self.expected.component_mul(&self.gain)
     }
 
     fn is_measured(&self, motor: &Motor, now: f64) -> bool {
@@ -105,8 +118,9 @@ impl RotorModel {
     pub(super) fn speeds(&self, motors: &[Motor], now: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();
         let model = self.expected.iter().zip(self.gain.iter());
-        for ((speed, (expected, gain)), motor) in speeds.iter_mut().zip(model).zip(motors) {
-            *speed = if self.is_measured(motor, now) { motor.speed } else { expected * gain };
+        for (i, ((speed, (expected, gain)), motor)) in speeds.iter_mut().zip(model).zip(motors).enumerate() {
+            let believed = self.doubted >> i & 1 == 0 && self.is_measured(motor, now);
+            *speed = if believed { motor.speed } else { expected * gain };
         }
         speeds
     }
@@ -114,11 +128,11 @@ impl RotorModel {
     /// How many motors are measured far from the model.
     #[must_use]
     pub(super) fn wrong_speeds(&self, motors: &[Motor], now: f64) -> usize {
-        self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED).count_ones()
-            as usize
+        let wrong = self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED);
+        (wrong & !self.doubted).count_ones() as usize
     }
 
-    /// Bit `i` is set where motor `i` (from 0) has stopped. If half of them have, it is
+    /// Bit `i` is set where motor `i` (from 0) measures standstill. If half of them have, it is
     /// the commands that do not arrive.
     #[must_use]
     pub(super) fn stopped(&self, motors: &[Motor], now: f64) -> u16 {

@@ -2,6 +2,7 @@
 
 use super::{
     Flight,
+    capture::Contradiction,
     io::{MAX_POSES, Measured},
     rotors::modelled_imu,
 };
@@ -9,7 +10,7 @@ use crate::{
     admittance::AdmittanceState,
     estimator::Quality,
     so3,
-    supervisor::{Fault, limits::IMU_LATE},
+    supervisor::{Fault, FaultSet, Phase, limits::IMU_LATE},
     types::{RobotState, RotorVector, Vector3},
 };
 
@@ -37,9 +38,12 @@ impl Flight {
         let inertial = &input.telemetry.inertial;
         let samples = inertial.samples();
         let modelled = self.estimator.is_modelled();
+        let mut last = self.estimator.time();
         for s in samples {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
+            self.capture.feel(&s.gyro_i, &s.specific_force_i, (s.time - last).max(0.0));
+            last = s.time;
         }
         let late = inertial.age(input.time) > IMU_LATE;
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
@@ -59,6 +63,9 @@ impl Flight {
             self.control.observer.forget_sample();
         }
         for pose in input.poses.iter().take(MAX_POSES) {
+            if !self.capture.admits(pose) {
+                continue;
+            }
             if self.estimator.is_initialized() {
                 self.estimator.update_pose(pose);
             } else if pose.tracking_valid && pose.is_finite() {
@@ -67,6 +74,26 @@ impl Flight {
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
         }
+    }
+
+    /// What poses say against the IMU. From a contradiction on the vehicle is flown on the IMU.
+    pub(super) fn watch_capture(&mut self, phase: Phase, conditions: &mut FaultSet) -> Option<Contradiction> {
+        conditions.insert_if(Fault::PoseFrozen, self.capture.frozen());
+        conditions.insert_if(Fault::PoseContradicts, self.capture.lies());
+        if self.known.is_some() || !self.estimator.is_initialized() {
+            return None;
+        }
+        if matches!(phase, Phase::Disarmed | Phase::Starting) {
+            self.capture.rests(&self.estimator.navigation());
+        }
+        let output = self.output.as_ref().filter(|_| phase.in_flight())?;
+        let robot = self.estimator.robot_state();
+        let force_w = output.wrench_robot.force - robot.rotation_wr * self.control.bias_r.force;
+        let mass = self.params.vehicle.mass();
+        let found = self.capture.contradicts(&self.estimator, &force_w, mass)?;
+        self.estimator.go_on_from(found.reckoned);
+        conditions.insert_if(Fault::PoseContradicts, true);
+        Some(found)
     }
 
     /// A correction of the estimate is no motion: reference and set-point take part in

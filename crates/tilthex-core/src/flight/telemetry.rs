@@ -27,6 +27,8 @@ pub struct InertialTelemetry {
     count: usize,
     /// When the newest usable sample was heard, s.
     pub heard: f64,
+    /// By how much samples come later than they used to, s; 0 where the line is as it was.
+    pub line_delay: f64,
     /// Whether the IMU repeats itself to the bit.
     pub frozen: bool,
     /// Whether the newest reading is at the end of its range.
@@ -132,6 +134,7 @@ impl Telemetry {
                 samples: [sample; MAX_SAMPLES],
                 count: 0,
                 heard: LONG_AGO,
+                line_delay: 0.0,
                 frozen: false,
                 saturated: false,
                 refused_now: false,

@@ -1,9 +1,13 @@
-//! Rotors that turn and do not lift: without its propeller, a rotor shows as an
-//! external wrench that takes away what it should give.
+//! What rotors do, by what moves the vehicle and not by what motors say.
+//!
+//! Rotors that turn and do not lift: without its propeller, a rotor shows as an external wrench that takes away what
+//! it should give. So does a push near the end of its arm: the rotor is tried. It is slowed down for a moment; what a
+//! lost propeller takes away goes with the speed, and a push stays. Rotors whose telemetry drops to zero while they
+//! lift as before show as an external wrench that gives what the model then lacks.
 
 use crate::{
     Vehicle,
-    supervisor::limits::{THRUST_AFTER, THRUST_MISSING},
+    supervisor::limits::{THRUST_AFTER, THRUST_MISSING, THRUST_TRIAL},
     types::{RotorVector, Vector6, Wrench},
 };
 
@@ -13,6 +17,21 @@ const MISSING: core::ops::RangeInclusive<f64> = THRUST_MISSING..=1.3;
 const UNEXPLAINED: f64 = 0.35;
 /// External wrenches below this part of the weight say nothing.
 const LEAST: f64 = 0.05;
+/// At the end of a trial a push has kept this part of its wrench; one that has fallen to this is over.
+const KEPT: f64 = 0.5;
+const OVER: f64 = 0.3;
+/// A rotor that has failed a trial is lost where it fails another one that begins within this time, s.
+const AGAIN: f64 = 0.5;
+/// A rotor whose motor says that it has stopped lifts where this part of its wrench is there all the same.
+const LIFTS: f64 = 0.5;
+
+/// A rotor (from 0) and how much along its wrench is missing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Case {
+    rotor: usize,
+    missing: f64,
+    time: f64,
+}
 
 /// The rotor that explains the external wrench, and those that did for long enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,6 +40,11 @@ pub(super) struct ThrustWatch {
     arm: f64,
     suspect: Option<usize>,
     since: f64,
+    trial: Option<Case>,
+    /// It failed a trial, so long ago, s: a push that ended meanwhile looks the same.
+    failed: Option<Case>,
+    /// A push at this rotor's arm lasts.
+    acquitted: Option<Case>,
     lost: u16,
 }
 
@@ -28,7 +52,12 @@ impl ThrustWatch {
     /// Nothing suspected yet.
     pub(super) fn new(vehicle: &Vehicle) -> Self {
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(1e-3, f64::max);
-        Self { arm, suspect: None, since: 0.0, lost: 0 }
+        Self { arm, suspect: None, since: 0.0, trial: None, failed: None, acquitted: None, lost: 0 }
+    }
+
+    /// Bit `i` is set where rotor `i` (from 0) is to stand still, so that it can be told.
+    pub(super) fn tried(&self) -> u16 {
+        self.trial.map_or(0, |case| 1 << case.rotor)
     }
 
     /// One tick in flight: speeds in Hz, the external wrench (force and torque in R, without bias).
@@ -40,29 +69,78 @@ impl ThrustWatch {
         external_r: &Wrench,
         dt: f64,
     ) -> u16 {
-        let suspect = suspect(vehicle, self.arm, speeds, external_r).filter(|i| self.lost >> i & 1 == 0);
+        let along = |rotor: usize| missing(vehicle, self.arm, rotor, external_r);
+        self.acquitted = self.acquitted.filter(|case| along(case.rotor) > OVER * case.missing);
+        if let Some(mut case) = self.trial {
+            case.time += dt;
+            self.trial = Some(case).filter(|case| case.time < THRUST_TRIAL);
+            if self.trial.is_none() && along(case.rotor) > KEPT * case.missing {
+                self.acquitted = Some(case);
+            } else if self.trial.is_none() && self.failed.take().is_some_and(|f| f.rotor == case.rotor) {
+                self.lost |= 1 << case.rotor;
+            } else if self.trial.is_none() {
+                self.failed = Some(Case { time: 0.0, ..case });
+            }
+            return self.lost;
+        }
+        self.failed = self.failed.map(|case| Case { time: case.time + dt, ..case });
+        self.failed = self.failed.filter(|case| case.time < AGAIN);
+        let known = |rotor: &usize| {
+            self.lost >> rotor & 1 == 1 || self.acquitted.is_some_and(|case| case.rotor == *rotor)
+        };
+        let suspect = suspect(vehicle, self.arm, speeds, external_r).filter(|rotor| !known(rotor));
         self.since = if suspect.is_some() && suspect == self.suspect { self.since + dt } else { 0.0 };
         self.suspect = suspect;
         if let Some(rotor) = suspect.filter(|_| self.since > THRUST_AFTER) {
-            self.lost |= 1 << rotor;
+            self.trial = Some(Case { rotor, missing: along(rotor), time: 0.0 });
+            self.since = 0.0;
         }
         self.lost
     }
+
+    /// Bit `i` is set where rotor `i` gives at least half of what it gives at these speeds, Hz, though the
+    /// external wrench was found with a rotor that stands still.
+    pub(super) fn lifting(&self, vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> u16 {
+        let given = |rotor: usize, speed: f64| {
+            column(vehicle, self.arm, rotor).map_or(0.0, |c| c.norm()) * speed * speed
+        };
+        speeds.iter().enumerate().take(vehicle.rotor_count()).fold(0, |set, (rotor, speed)| {
+            let lifts = -missing(vehicle, self.arm, rotor, external_r) > LIFTS * given(rotor, *speed);
+            if lifts { set | 1 << rotor } else { set }
+        })
+    }
+}
+
+/// A wrench with torques as forces at the arm.
+fn scaled(w: &Vector6, arm: f64) -> Vector6 {
+    Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm)
+}
+
+/// What a rotor (from 0) gives for its squared speed, scaled.
+fn column(vehicle: &Vehicle, arm: f64, rotor: usize) -> Option<Vector6> {
+    let column = vehicle.allocation().as_slice().chunks_exact(6).nth(rotor)?;
+    let [a, b, c, d, e, f] = *column else { return None };
+    Some(scaled(&Vector6::new(a, b, c, d, e, f), arm))
+}
+
+/// How much of an external wrench is against what a rotor gives, N.
+fn missing(vehicle: &Vehicle, arm: f64, rotor: usize, external_r: &Wrench) -> f64 {
+    let Some(column) = column(vehicle, arm, rotor) else { return 0.0 };
+    -scaled(&external_r.to_vector(), arm).dot(&column) / column.norm().max(1e-12)
 }
 
 /// The rotor whose missing thrust explains the external wrench.
 fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrench) -> Option<usize> {
-    let scaled = |w: &Vector6| Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm);
-    let found = scaled(&external_r.to_vector());
+    let found = scaled(&external_r.to_vector(), arm);
     let size = found.norm();
     if size < LEAST * vehicle.weight() {
         return None;
     }
-    let columns = vehicle.allocation().as_slice().chunks_exact(6).zip(speeds.iter());
     let mut best: Option<(usize, f64)> = None;
-    for (i, (column, speed)) in columns.take(vehicle.rotor_count()).enumerate() {
-        let [a, b, c, d, e, f] = *column else { continue };
-        let given = scaled(&(Vector6::new(a, b, c, d, e, f) * (speed * speed.abs())));
+    for (i, speed) in speeds.iter().enumerate().take(vehicle.rotor_count()) {
+        let Some(given) = column(vehicle, arm, i).map(|column| column * (speed * speed.abs())) else {
+            continue;
+        };
         let missing = -found.dot(&given) / given.norm_squared().max(1e-12);
         let unexplained = (found + given * missing).norm() / size;
         if MISSING.contains(&missing) && unexplained < best.map_or(UNEXPLAINED, |(_, least)| least) {
@@ -93,10 +171,47 @@ mod tests {
                 lacking[rotor] = speeds[rotor] * f64::sqrt(1.0 - kept);
                 let external = Wrench::ZERO - vehicle.body_wrench(&lacking);
                 let mut watch = ThrustWatch::new(&vehicle);
-                let lost = (0..50).map(|_| watch.step(&vehicle, &speeds, &external, 0.002)).last();
-                assert_eq!(lost, Some(if is_lost { 1 << rotor } else { 0 }), "{rotor} {kept}");
+                let lost = (0..200).map(|_| {
+                    // What is tried stands still, and takes away nothing then.
+                    let tried = watch.tried() != 0;
+                    let external = if tried { Wrench::ZERO } else { external };
+                    watch.step(&vehicle, &speeds, &external, 0.002)
+                });
+                assert_eq!(lost.last(), Some(if is_lost { 1 << rotor } else { 0 }), "{rotor} {kept}");
             }
         }
+    }
+
+    #[test]
+    fn a_push_that_looks_like_a_lost_rotor_is_acquitted() {
+        let vehicle = vehicle();
+        let speeds = vehicle.hover_speeds(&Matrix3::identity());
+        for rotor in 0..6 {
+            let mut one = RotorVector::zeros();
+            one[rotor] = speeds[rotor];
+            let push = Wrench::ZERO - vehicle.body_wrench(&one);
+            let mut watch = ThrustWatch::new(&vehicle);
+            let mut tried = 0;
+            for _ in 0..1000 {
+                assert_eq!(watch.step(&vehicle, &speeds, &push, 0.002), 0);
+                tried += u32::from(watch.tried() != 0);
+            }
+            assert!((1..100).contains(&tried), "{tried} ticks on trial");
+        }
+    }
+
+    #[test]
+    fn a_rotor_that_lifts_though_its_motor_says_nothing_is_told() {
+        let vehicle = vehicle();
+        let speeds = vehicle.hover_speeds(&Matrix3::identity());
+        let watch = ThrustWatch::new(&vehicle);
+        for rotor in 0..6 {
+            let mut one = RotorVector::zeros();
+            one[rotor] = speeds[rotor];
+            let found = watch.lifting(&vehicle, &speeds, &vehicle.body_wrench(&one));
+            assert_eq!(found >> rotor & 1, 1);
+        }
+        assert_eq!(watch.lifting(&vehicle, &speeds, &Wrench::ZERO), 0);
     }
 
     proptest! {

@@ -30,6 +30,10 @@ pub struct WatchParams {
     pub max_torque: f64,
     /// Longest time from the first start command to the last motor's spinning, s.
     pub start_timeout: f64,
+    /// Half the width of the box around the start in which the vehicle stays, m.
+    pub geofence: f64,
+    /// Height of that box above the start, m.
+    pub geofence_height: f64,
 }
 
 /// What is looked at.
@@ -135,6 +139,7 @@ impl Watch {
         let age = s.inertial.age(seen.now);
         set.insert_if(Fault::ImuLate, known && age > l::IMU_LATE);
         set.insert_if(Fault::ImuSilent, known && age > l::IMU_SILENT);
+        set.insert_if(Fault::LineLate, s.inertial.line_delay > l::LINE_LATE);
         set.insert_if(Fault::ImuFrozen, s.inertial.frozen);
         set.insert_if(Fault::ImuSaturated, s.inertial.saturated);
         set.insert_if(Fault::ImuOutOfRange, s.inertial.refused_now);

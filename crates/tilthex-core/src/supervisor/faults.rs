@@ -68,6 +68,16 @@ pub enum Fault {
     CalibrationRefused = 39,
     OperatorGone = 40,
     OperatorGoneForGood = 41,
+    Geofence = 42,
+    LandingFails = 43,
+    BiasRefused = 44,
+    LineLate = 45,
+    MotorDataWrong = 46,
+    PoseFrozen = 47,
+    PoseContradicts = 48,
+    MotorOrder = 49,
+    CaptureAxes = 50,
+    LiftOff = 51,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -149,7 +159,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 42;
+pub const COUNT: usize = 52;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -162,10 +172,10 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::MotorsStale, "motor data stale", s("a motor's measurement older than {} ms", &[1e3 * l::MOTORS_STALE]), (0.0, 0.5), (Note, Note), s("the commanded speed through the rotor's lag stands in, as it does from {} ms on", &[1e3 * l::MOTORS_FRESH])),
     row(Fault::MotorsSilent, "motor data silent", s("a motor's measurement older than {} s", &[l::MOTORS_SILENT]), (0.0, 0.5), (Refuse, Land), s("as before; the stream is asked for again every {} ms", &[1e3 * l::STREAM_SILENT])),
     row(Fault::MotorEmergency, "motor emergency", s("the emergency bit of a motor", &[]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
-    row(Fault::MotorNotSpinning, "motor not spinning", s("the spinning bit of a motor is off after the start, or it turns at less than {} times the lagged command", &[l::STOPPED]), (0.02, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
+    row(Fault::MotorNotSpinning, "motor not spinning", s("the spinning bit of a motor is off after the start, or it turns at less than {} times the lagged command for {} ms and its rotor does not lift", &[l::STOPPED, 1e3 * l::STOPPED_AFTER]), (0.02, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
     row(Fault::MotorWrongSpeed, "motor at a wrong speed", s("a motor {} Hz off the lagged command", &[l::WRONG_SPEED]), (0.1, 0.5), (Refuse, Land), s("it is driven faster by what is missing", &[])),
     row(Fault::CommandNotFollowed, "command not followed", s("half of the motors {} Hz off the lagged command", &[l::WRONG_SPEED]), (0.1, 0.5), (Refuse, Land), s("the vehicle's own watchdog holds its lowest speed when commands stop reaching it", &[])),
-    row(Fault::ThrustLost, "thrust lost", s("the external wrench takes away {} % or more of what one rotor gives, for {} ms", &[1e2 * l::THRUST_MISSING, 1e3 * l::THRUST_AFTER]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost: its propeller is", &[])),
+    row(Fault::ThrustLost, "thrust lost", s("the external wrench takes away {} % or more of what one rotor gives, for {} ms, and goes when the rotor stands still for {} ms, twice", &[1e2 * l::THRUST_MISSING, 1e3 * l::THRUST_AFTER, 1e3 * l::THRUST_TRIAL]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost: its propeller is; what stays is a push", &[])),
     row(Fault::RotorLost, "rotor lost", s("a lost motor without which the vehicle cannot hover at rest", &[]), (0.0, 0.5), (Refuse, Descend), s("yaw is given up; down at {} m/s, before the spin that follows takes the rest; once it has toppled, or spins past the gyro's range, rotors at their lowest speeds", &[l::ADRIFT_SPEED])),
     row(Fault::BatteryLow, "battery low", s("battery below the configured voltage", &[]), (1.0, 5.0), (Refuse, Land), s("change the battery", &[])),
     row(Fault::BatteryCritical, "battery critical", s("battery below the configured critical voltage", &[]), (0.2, 5.0), (Refuse, Land), s("change the battery", &[])),
@@ -196,6 +206,16 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
     row(Fault::OperatorGone, "operator silent", s("nothing heard of the operator, whose orders are flown, for `[supervisor] operator_timeout`", &[]), (0.0, 0.2), (Refuse, Hold), s("any line on the control socket from whoever holds the controls ends it", &[])),
     row(Fault::OperatorGoneForGood, "operator gone", s("the operator silent for another {} s", &[l::OPERATOR_GONE_FOR_GOOD]), (l::OPERATOR_GONE_FOR_GOOD, 0.5), (Refuse, Land), s("the vehicle does not wait for an operator who is gone", &[])),
+    row(Fault::Geofence, "geofence", s("the vehicle outside `[supervisor] geofence` around its start, or higher than `geofence_height` above it", &[]), (0.1, 0.5), (Note, Land), s("plan the mission inside it, or widen it", &[])),
+    row(Fault::LandingFails, "landing fails", s("a descent that comes no lower for {} s, rises by {} m, moves aside by {} m, passes the geofence by {} m or the largest speed, or is stopped again and again by what is not the ground", &[l::LANDING_STOPS, l::LANDING_RISES, l::LANDING_ASIDE, l::FENCE_MARGIN]), (0.0, 1.0), (Note, Descend), s("down at {} m/s wherever it is, with less and less thrust where it does not sink", &[l::FORCED_SPEED])),
+    row(Fault::BiasRefused, "bias not learnt", s("the wrench in the hover to learn from is not small and steady, or the set-point moves", &[]), (0.0, 1.0), (Note, Note), s("the bias stays as it was; free the tool, let it rest, and order zero_bias", &[])),
+    row(Fault::LineLate, "line late", s("inertial samples that come {} ms later than they used to, by their numbers", &[1e3 * l::LINE_LATE]), (0.0, 0.5), (Refuse, Land), s("slower control that bears the delay; check the adapter, its driver and the load of the machine", &[])),
+    row(Fault::MotorDataWrong, "motor data wrong", s("a motor that measures standstill for {} ms while its rotor lifts", &[1e3 * l::STOPPED_AFTER]), (1.0, 0.5), (Refuse, Land), s("the commanded speed through the rotor's lag stands in; check the motor's telemetry", &[])),
+    row(Fault::PoseFrozen, "pose frozen", s("the same pose to the bit for {} s, while the IMU's readings change", &[l::POSE_FROZEN]), (0.0, 0.2), (Refuse, Hold), s("it does not count as a pose; check that the body is tracked", &[])),
+    row(Fault::PoseContradicts, "pose contradicts the IMU", s("poses and IMU {} m or {} m/s apart within {} s, and the rotors' thrust agrees with the IMU", &[l::CAPTURE_AGREES.0, l::CAPTURE_AGREES.1, l::CAPTURE_WINDOW]), (0.0, 1.0), (Refuse, Land), s("no pose is believed any more; lands on IMU and model; check that the body is tracked and is the vehicle's", &[])),
+    row(Fault::MotorOrder, "motor order", s("just after lift-off the vehicle turns by {} degrees, and not as the motors should turn it", &[l::LIFT_OFF_TILT]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check number, spin direction and propeller of each motor", &[l::LIFT_OFF])),
+    row(Fault::CaptureAxes, "capture axes", s("just after lift-off the captured body moves elsewhere than the vehicle feels", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check the up axis of motion capture, and the yaw at which the body is defined", &[l::LIFT_OFF])),
+    row(Fault::LiftOff, "lift-off", s("just after lift-off the vehicle leaves its place by {} m or its attitude by {} degrees", &[l::LIFT_OFF_ASIDE, l::LIFT_OFF_TILT]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check the latency of motion capture, mass and thrust coefficients", &[l::LIFT_OFF])),
 ];
 
 /// A set of faults.

@@ -6,6 +6,8 @@ pub const IMU_LATE: f64 = 6e-3;
 pub const IMU_SILENT: f64 = 0.05;
 /// So many inertial readings in a row that are equal to the bit are no measurement.
 pub const IMU_FROZEN: u32 = 25;
+/// A line whose samples come later than they used to by more than this is late, s.
+pub const LINE_LATE: f64 = 0.015;
 /// Streams that are silent for longer than this are asked for again, s.
 pub const STREAM_SILENT: f64 = 0.5;
 /// A motor's measurement that is older than this is stale, s.
@@ -22,8 +24,28 @@ pub const STOPPED: f64 = 0.5;
 pub const THRUST_MISSING: f64 = 0.6;
 /// The same rotor is suspected to have no thrust for so long, s.
 pub const THRUST_AFTER: f64 = 0.06;
+/// Then it is tried, twice: it stands still for so long, s.
+pub const THRUST_TRIAL: f64 = 0.12;
+/// A motor that says it has stopped is believed after so long, unless its rotor lifts, s.
+pub const STOPPED_AFTER: f64 = 0.06;
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 pub const ADRIFT_SPEED: f64 = 1.0;
+/// The same pose to the bit for longer than this is no pose, s.
+pub const POSE_FROZEN: f64 = 0.1;
+/// The motion by the IMU alone is compared with that of the poses over so long, s.
+pub const CAPTURE_WINDOW: f64 = 1.0;
+/// The first one after take-off over so long, s.
+pub const RECKONED_FIRST: f64 = 2.0;
+/// They agree within this, m and m/s.
+pub const CAPTURE_AGREES: (f64, f64) = (0.12, 0.25);
+/// Up to this height above the ground a lift-off that goes wrong ends with the motors' stop, m.
+pub const LIFT_OFF: f64 = 0.3;
+/// A lift-off is watched for so long at the most, s.
+pub const LIFT_OFF_TIME: f64 = 3.0;
+/// In it a good vehicle leaves its attitude by less than this, degrees.
+pub const LIFT_OFF_TILT: f64 = 9.0;
+/// And its place by less than this, m.
+pub const LIFT_OFF_ASIDE: f64 = 0.1;
 /// A pose that is older than this is late, s.
 pub const POSE_LATE: f64 = 0.05;
 /// Without a usable pose for longer than this the pose is lost, s.
@@ -40,6 +62,16 @@ pub const INCONSISTENCY: f64 = 4.0;
 pub const POSITION_DEVIATION: f64 = 0.5;
 /// Deviation of the velocity above which the speed is not known, m/s.
 pub const VELOCITY_DEVIATION: f64 = 1.0;
+/// A landing that comes no lower for so long fails, s.
+pub const LANDING_STOPS: f64 = 8.0;
+/// A landing that rises above its begin by this fails, m.
+pub const LANDING_RISES: f64 = 0.6;
+/// A landing that moves aside from its begin by this fails, m.
+pub const LANDING_ASIDE: f64 = 1.0;
+/// A landing this far beyond the geofence fails, m.
+pub const FENCE_MARGIN: f64 = 0.5;
+/// Speed of a descent that is forced, m/s.
+pub const FORCED_SPEED: f64 = 0.7;
 /// A streamed set-point that is older than this is stale, s.
 pub const SETPOINT_STALE: f64 = 0.2;
 /// A vehicle that is held because its operator is silent lands after this long, s.

@@ -1,7 +1,7 @@
 //! The supervisor: which phase the flight is in, and what a fault does to it.
 //!
-//! In flight the worst reaction is to land; motors stop only on the ground or
-//! on the operator's explicit kill.
+//! In flight the worst reaction is to land; motors stop only on the ground, on the operator's explicit kill, or
+//! where a lift-off goes wrong, while that is the gentle thing.
 
 pub mod faults;
 pub mod limits;
@@ -68,6 +68,8 @@ pub struct Facts {
     pub take_off: bool,
     /// The operator's explicit kill.
     pub kill: bool,
+    /// What goes wrong just after lift-off, where it is gentler to stop the motors than to fly on.
+    pub abort: Option<Fault>,
 }
 
 /// What the supervisor remembers.
@@ -170,6 +172,12 @@ impl Supervisor {
             self.phase = Phase::Disarmed;
             return self.phase;
         }
+        if let Some(fault) = facts.abort.filter(|_| self.phase.in_flight()) {
+            self.landed = true;
+            self.ended_by = Some(fault);
+            self.phase = Phase::Disarmed;
+            return self.phase;
+        }
         let before = self.phase;
         self.phase = match before {
             Phase::Disarmed if self.landed => Phase::Disarmed,
@@ -207,6 +215,11 @@ impl Supervisor {
             && matches!(before, Phase::Flying | Phase::Holding);
         if begins_to_land {
             self.ended_by = self.active.rows().find(|row| row.in_flight == worst).map(|row| row.fault);
+        }
+        // A landing that was asked for and went wrong did not end as it was asked for.
+        if self.ended_by == Some(Fault::Operator) && self.phase.in_flight() {
+            let wrong = |row: &&Row| row.fault != Fault::Operator && row.in_flight >= Reaction::Land;
+            self.ended_by = self.active.rows().find(wrong).map(|row| row.fault).or(self.ended_by);
         }
         self.phase
     }
@@ -247,6 +260,7 @@ mod tests {
         touchdown: false,
         take_off: true,
         kill: false,
+        abort: None,
     };
 
     fn flying() -> Supervisor {

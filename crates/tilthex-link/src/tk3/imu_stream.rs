@@ -1,7 +1,7 @@
 //! The vehicle's inertial stream: from frames to samples with times, and what is wrong with it.
 
 use super::{Identity, ImuFrame, ImuScales};
-use crate::{Arrival, Gate, GateCounters, GateParams, LinkParams, SequenceClock, Verdict};
+use crate::{Arrival, Gate, GateCounters, GateParams, LineDelay, LinkParams, SequenceClock, Verdict};
 use tilthex_core::{
     Error,
     clock_sync::ClockParams,
@@ -23,6 +23,7 @@ const MOST_REFUSED: u8 = 2;
 pub(super) struct ImuStream {
     scales: Option<ImuScales>,
     clock: SequenceClock,
+    line: LineDelay,
     gate: Gate<6>,
     odd_lengths: u8,
     last_frame: Option<ImuFrame>,
@@ -45,6 +46,7 @@ impl ImuStream {
         Ok(Self {
             scales: params.scales,
             clock: SequenceClock::new(period, ClockParams::default())?,
+            line: LineDelay::default(),
             gate: Gate::new(gate)?,
             odd_lengths: 0,
             last_frame: None,
@@ -64,7 +66,11 @@ impl ImuStream {
     pub(super) fn take(&mut self, frame: &ImuFrame, now: f64, out: &mut InertialTelemetry) {
         let Some(scales) = self.scales else { return };
         let (time, lost) = match self.clock.step(frame.sequence, now) {
-            Arrival::New { time, lost, .. } => (time, lost),
+            Arrival::New { time, lost, .. } => {
+                out.line_delay = self.clock.made().map_or(0.0, |made| self.line.step(made, now));
+                // The clock comes to take a line that has become late for what is usual.
+                (time.min(now - out.line_delay), lost)
+            }
             Arrival::Duplicate => return,
             Arrival::Suspect => (now, 1),
         };

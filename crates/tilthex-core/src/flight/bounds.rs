@@ -1,0 +1,131 @@
+//! Where the flight may be and how a landing must go on: watched on the estimate, whatever it rests on.
+
+use super::landing::ATTEMPTS;
+use crate::{
+    supervisor::{
+        Phase,
+        limits::{FENCE_MARGIN, LANDING_ASIDE, LANDING_RISES, LANDING_STOPS},
+    },
+    types::{RobotState, Vector3},
+};
+
+/// The lowest point of a descent counts as passed by this much, m.
+const PROGRESS: f64 = 0.05;
+
+/// A box around the start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Fence {
+    /// Half its width along x and y, m.
+    pub(super) sideways: f64,
+    /// How high it is, m.
+    pub(super) up: f64,
+}
+
+/// A descent, as far as it has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Progress {
+    from_w: Vector3,
+    lowest: f64,
+    stopped: f64,
+    fails: bool,
+}
+
+/// The place of the start, and the descent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Bounds {
+    start_w: Option<Vector3>,
+    on_ground: bool,
+    descent: Option<Progress>,
+}
+
+/// What is out of bounds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Outside {
+    /// The vehicle is outside the fence.
+    pub(super) fence: bool,
+    /// The landing does not come down.
+    pub(super) landing: bool,
+}
+
+impl Bounds {
+    /// The flight begins at a place, on the ground or in the air.
+    pub(super) fn begin(&mut self, start_w: &Vector3, on_ground: bool) {
+        *self = Self { start_w: Some(*start_w), on_ground, descent: None };
+    }
+
+    /// Height above the ground that the flight began on, m; none where it began in the air.
+    pub(super) fn height(&self, position_w: &Vector3) -> Option<f64> {
+        self.start_w.filter(|_| self.on_ground).map(|start_w| position_w.z - start_w.z)
+    }
+
+    /// One tick; `fast` is whether the vehicle is faster than it may be, `attempts` how often
+    /// something has stopped its descent.
+    pub(super) fn step(
+        &mut self,
+        fence: &Fence,
+        phase: Phase,
+        robot: &RobotState,
+        (fast, attempts): (bool, u32),
+        dt: f64,
+    ) -> Outside {
+        let Some(start_w) = self.start_w.filter(|_| phase.in_flight()) else { return Outside::default() };
+        let way_w = robot.position_w - start_w;
+        let beyond = (way_w.x.abs().max(way_w.y.abs()) - fence.sideways).max(way_w.z - fence.up);
+        if !matches!(phase, Phase::Landing | Phase::Emergency) {
+            self.descent = None;
+            return Outside { fence: beyond > 0.0, landing: false };
+        }
+        let height = robot.position_w.z;
+        let fresh = Progress { from_w: robot.position_w, lowest: height, stopped: 0.0, fails: false };
+        let descent = self.descent.get_or_insert(fresh);
+        if height < descent.lowest - PROGRESS {
+            (descent.lowest, descent.stopped) = (height, 0.0);
+        }
+        descent.stopped += dt;
+        let away_w = robot.position_w - descent.from_w;
+        // Without a position an emergency drifts; that alone is no failure of it.
+        let aside = phase == Phase::Landing && away_w.xy().norm() > LANDING_ASIDE;
+        descent.fails |= descent.stopped > LANDING_STOPS
+            || away_w.z > LANDING_RISES
+            || aside
+            || beyond > FENCE_MARGIN
+            || fast
+            || attempts >= ATTEMPTS;
+        Outside { fence: beyond > 0.0, landing: descent.fails }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FENCE: Fence = Fence { sideways: 3.0, up: 3.0 };
+
+    fn at(x: f64, y: f64, z: f64) -> RobotState {
+        RobotState::at_rest(Vector3::new(x, y, z))
+    }
+
+    #[test]
+    fn the_fence_is_a_box_around_the_start() {
+        let mut bounds = Bounds::default();
+        bounds.begin(&Vector3::new(5.0, 0.0, 1.0), true);
+        let mut outside = |robot| bounds.step(&FENCE, Phase::Flying, &robot, (false, 0), 0.01).fence;
+        assert!(!outside(at(7.9, -2.9, 3.9)) && !outside(at(5.0, 0.0, -9.0)));
+        assert!(outside(at(8.1, 0.0, 2.0)) && outside(at(5.0, -3.1, 2.0)) && outside(at(5.0, 0.0, 4.1)));
+    }
+
+    #[test]
+    fn a_landing_that_rises_runs_away_or_stops_fails_and_stays_failed() {
+        let run = |way: &dyn Fn(f64) -> RobotState| {
+            let mut bounds = Bounds::default();
+            bounds.begin(&Vector3::zeros(), true);
+            (0..2000).find(|k| {
+                bounds.step(&FENCE, Phase::Landing, &way(f64::from(*k) * 0.01), (false, 0), 0.01).landing
+            })
+        };
+        assert_eq!(run(&|t| at(0.0, 0.0, 1.0 - 0.25 * t)), None);
+        assert!(run(&|t| at(0.0, 0.0, 1.0 + 0.25 * t)).is_some_and(|k| k < 300));
+        assert!(run(&|t| at(t, 0.0, 1.0)).is_some_and(|k| k < 120));
+        assert!(run(&|_| at(0.0, 0.0, 1.0)).is_some_and(|k| (700..1100).contains(&k)));
+    }
+}

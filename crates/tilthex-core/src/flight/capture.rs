@@ -1,0 +1,163 @@
+//! Poses that lie: repeated to the bit, a tracker's default, or against what the IMU feels.
+//!
+//! A capture system may repeat the pose of a body that it has lost, with or without noise, and call it tracked. Such
+//! poses agree with each other, and an estimator that follows them sees no contradiction until it is fast. So the
+//! motion of the last second is reckoned by the IMU alone, with the biases that it had at rest.
+
+use crate::{
+    estimator::Estimator,
+    so3,
+    supervisor::limits::{CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSES_REFUSED, RECKONED_FIRST},
+    types::{Matrix3, PoseSample, Vector3},
+    ukf::Navigation,
+};
+
+/// A gyro's bias has left what it was at rest by more than this, rad/s: then it is the IMU that is in doubt.
+const GYRO_LEFT: f64 = 0.03;
+/// What an accelerometer that is off explains of a contradiction, as a part of it.
+const EXPLAINED: f64 = 0.6;
+
+/// So much of the estimate's attitude the reckoned one takes over from one window to the next.
+const FOLLOWS: f64 = 0.05;
+/// How far the IMU alone may drift, m/s and m/s^2.
+const DRIFT: (f64, f64) = (0.05, 0.1);
+
+/// A motion as the IMU alone has it.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    reckoned: Navigation,
+    from_w: Vector3,
+    time: f64,
+    length: f64,
+    /// How long the estimate went without a pose, s.
+    without: f64,
+}
+
+impl Window {
+    /// From a state on, with the biases of another.
+    fn from(state: &Navigation, rest: &Navigation, length: f64) -> Self {
+        let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
+        let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
+        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0 }
+    }
+}
+
+/// What is known of the capture system's honesty.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct CaptureWatch {
+    last: Option<(Vector3, Matrix3)>,
+    /// When the last pose was first seen, s, and how often it came again.
+    since: f64,
+    repeats: u32,
+    moves: bool,
+    last_gyro_i: Vector3,
+    frozen: bool,
+    /// State and biases of the vehicle at rest.
+    rest: Option<Navigation>,
+    window: Option<Window>,
+    lies: bool,
+}
+
+/// A contradiction: the state by the IMU alone, and the estimate that follows the poses; where both began, m, world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Contradiction {
+    pub(super) reckoned: Navigation,
+    pub(super) estimate: Navigation,
+    pub(super) from_w: Vector3,
+}
+
+impl CaptureWatch {
+    /// Whether poses repeat themselves to the bit.
+    pub(super) fn frozen(&self) -> bool {
+        self.frozen
+    }
+
+    /// Whether poses contradict the IMU: none is believed from then on.
+    pub(super) fn lies(&self) -> bool {
+        self.lies
+    }
+
+    /// Whether a pose may be one: not the same again and again, while the IMU shows that the vehicle lives, and no default.
+    pub(super) fn admits(&mut self, pose: &PoseSample) -> bool {
+        let this = (pose.position_w, pose.rotation_wr);
+        if self.last == Some(this) {
+            self.repeats = self.repeats.saturating_add(1);
+        } else {
+            (self.last, self.since, self.repeats, self.moves) = (Some(this), pose.time, 0, false);
+        }
+        self.frozen = self.moves && self.repeats >= POSES_REFUSED && pose.time - self.since > POSE_FROZEN;
+        let default = this == (Vector3::zeros(), Matrix3::identity());
+        !(self.frozen || default || self.lies)
+    }
+
+    /// The vehicle rests: what its IMU shows now are biases.
+    pub(super) fn rests(&mut self, state: &Navigation) {
+        (self.rest, self.window) = (Some(*state), None);
+    }
+
+    /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes.
+    pub(super) fn feel(&mut self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
+        self.moves |= *gyro_i != self.last_gyro_i;
+        self.last_gyro_i = *gyro_i;
+        if let Some(window) = &mut self.window {
+            window.reckoned = window.reckoned.advance(gyro_i, specific_force_i, dt);
+            window.time += dt;
+        }
+    }
+
+    /// Nothing can be told of the last moments: samples or poses were missing.
+    pub(super) fn interrupt(&mut self) {
+        self.window = None;
+    }
+
+    /// Once a tick in flight: whether the estimate, which follows poses, contradicts the motion by the IMU. `force_w` is
+    /// the external force that the IMU shows beyond the bias, N, world, on a vehicle of `mass`, kg.
+    pub(super) fn contradicts(
+        &mut self,
+        estimator: &Estimator,
+        force_w: &Vector3,
+        mass: f64,
+    ) -> Option<Contradiction> {
+        let rest = self.rest?;
+        let state = estimator.navigation();
+        if estimator.is_modelled() {
+            self.interrupt();
+            return None;
+        }
+        let fresh = Window::from(&state, &rest, CAPTURE_WINDOW);
+        let window = self.window.get_or_insert(fresh);
+        window.without = window.without.max(estimator.health().position_age);
+        let window = *window;
+        // Without poses the IMU's errors grow, and honest poses correct them.
+        let slack = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
+        let off_w = state.position_w - window.reckoned.position_w;
+        let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
+        let (far, fast) = CAPTURE_AGREES;
+        let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack;
+        if window.time > window.length {
+            // Its attitude goes on by the gyro: that of the estimate may follow poses that stand still.
+            let own = window.reckoned.rotation_wi;
+            let apart = so3::log(&(own.transpose() * state.rotation_wi));
+            let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
+            self.window = Some(Window { reckoned: Navigation { rotation_wi, ..fresh.reckoned }, ..fresh });
+        }
+        if !contradicts || self.lies {
+            return None;
+        }
+        // The third witness are the rotors: an IMU that is off feels a force that is none.
+        let needed_w = -mass * off_velocity_w / window.time.max(0.1);
+        let imu_is_off = (force_w - needed_w).norm() < EXPLAINED * needed_w.norm()
+            || (state.gyro_bias_i - rest.gyro_bias_i).norm() > GYRO_LEFT;
+        self.window = None;
+        if imu_is_off {
+            return None;
+        }
+        self.lies = true;
+        Some(Contradiction { reckoned: window.reckoned, estimate: state, from_w: window.from_w })
+    }
+
+    /// The vehicle takes off from rest: its first motion is reckoned in one piece.
+    pub(super) fn take_off(&mut self, state: &Navigation) {
+        self.window = self.rest.map(|rest| Window::from(state, &rest, RECKONED_FIRST));
+    }
+}

@@ -1,0 +1,110 @@
+//! The way down: how a landing begins, what stops it, and whether it goes on.
+
+use super::{
+    Flight,
+    bounds::Fence,
+    io::Measured,
+    landing::{self, FREE, Landing, Verdict},
+};
+use crate::{
+    admittance::AdmittanceState,
+    supervisor::{
+        Fault, FaultSet, Phase,
+        limits::{IMU_LATE, POSE_LOST_LONG, POSITION_DEVIATION},
+    },
+    types::{RotorVector, Setpoint, Vector3},
+};
+
+/// A landing begins at the reference where the vehicle is this near to it, m: otherwise where the vehicle is.
+const FOLLOWED: f64 = 0.15;
+/// A force at the tool above this, N, and above this part of the weight, is a contact to get away from.
+const TOUCHES: (f64, f64) = (1.0, 0.05);
+/// How far, m.
+const RETREAT: f64 = 0.15;
+/// The ground lies within so much of where the vehicle took off, m.
+const GROUND: f64 = 0.1;
+
+impl Flight {
+    /// A landing begins: away from what the tool touches, then down.
+    pub(super) fn begin_landing(&mut self, before: Phase) {
+        let actual = self.actual_tool();
+        let near = |reference: &Setpoint| (reference.position_w - actual.position_w).norm() < FOLLOWED;
+        let from = self.output.map(|o| o.reference).filter(near).unwrap_or(actual);
+        let retreat_w =
+            if matches!(before, Phase::Flying | Phase::Holding) { self.retreat() } else { Vector3::zeros() };
+        self.land_from(&from, &retreat_w);
+    }
+
+    /// Away from what the tool touches, along the force that it exerts, m; downwards goes the landing itself.
+    fn retreat(&self) -> Vector3 {
+        let Some(output) = self.output.filter(|_| self.lost == 0) else { return Vector3::zeros() };
+        let mut force_w = output.wrench_tool_w.force;
+        force_w.z = force_w.z.max(0.0);
+        let (least, part) = TOUCHES;
+        let size = force_w.norm();
+        if size > least.max(part * self.params.vehicle.weight()) {
+            force_w * (RETREAT / size)
+        } else {
+            Vector3::zeros()
+        }
+    }
+
+    /// Straight down from a pose; what it moves is brought to rest by the admittance filter.
+    pub(super) fn land_from(&mut self, from: &Setpoint, retreat_w: &Vector3) {
+        self.guidance.begin_landing(from, retreat_w, self.params.vehicle.tool());
+        let rest = Setpoint::hold(from.position_w, from.rotation_we);
+        self.control.admittance = AdmittanceState::at(from, &rest);
+    }
+
+    /// Whether the ground carries the vehicle, by the last tick's forces; and what the rotors carry in this one.
+    pub(super) fn descend(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) -> bool {
+        let descends = matches!(self.supervisor.phase(), Phase::Landing | Phase::Emergency);
+        self.lift = FREE;
+        let Some(output) = self.output.as_ref().filter(|_| descends) else {
+            self.landing = Landing::default();
+            return false;
+        };
+        let robot = self.robot_state();
+        let bias_w = robot.rotation_wr * self.control.bias_r.force;
+        let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
+        let weight = self.params.vehicle.weight();
+        let deviation = if self.known.is_some() { 0.0 } else { self.estimator.health().position_deviation };
+        let age = if self.known.is_some() { 0.0 } else { self.estimator.health().position_age };
+        let placed = deviation < POSITION_DEVIATION && age < POSE_LOST_LONG && !self.capture.lies();
+        let height = self.bounds.height(&robot.position_w).filter(|_| placed);
+        let seen = landing::Seen {
+            missing: weight - (thrust_w + bias_w).z,
+            observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)
+                .then(|| output.wrench_robot.force - bias_w),
+            sinks: self.guidance.sinks(self.supervisor.phase(), self.descent()),
+            velocity: robot.velocity_w.z,
+            upright: robot.rotation_wr[(2, 2)],
+            above: height.map(|height| height - GROUND - 3.0 * deviation),
+            toppled: self.supervisor.active().contains(Fault::Tilt),
+            adrift: self.adrift,
+            forced: self.supervisor.active().contains(Fault::LandingFails),
+        };
+        match self.landing.step(&seen, weight, dt) {
+            Verdict::Down => return true,
+            Verdict::On(lift) => self.lift = lift,
+            Verdict::Resume => {
+                if self.supervisor.phase() == Phase::Landing {
+                    let retreat_w = self.retreat();
+                    self.land_from(&self.actual_tool(), &retreat_w);
+                }
+            }
+        }
+        false
+    }
+
+    /// The geofence, and whether a landing comes down.
+    pub(super) fn watch_bounds(&mut self, phase: Phase, conditions: &mut FaultSet, dt: f64) {
+        let watch = &self.params.watch;
+        let robot = self.robot_state();
+        let fence = Fence { sideways: watch.geofence, up: watch.geofence_height };
+        let fast = robot.velocity_w.norm() > watch.max_speed;
+        let outside = self.bounds.step(&fence, phase, &robot, (fast, self.landing.attempts()), dt);
+        conditions.insert_if(Fault::Geofence, outside.fence);
+        conditions.insert_if(Fault::LandingFails, outside.landing);
+    }
+}

@@ -1,0 +1,276 @@
+//! The end of a descent: whether what stops it is the ground, and what brings down a vehicle that does not come down.
+//!
+//! Missing thrust is not the ground: whatever pushes the tool upwards looks the same. So the vehicle is unloaded
+//! first: its rotors carry less and less of the weight, by command and not by control. What stands stays where it
+//! is; what is in the air moves, and flies on.
+
+use crate::types::Vector3;
+
+/// The part of its weight that must be carried by something before the vehicle is unloaded.
+const SHARE: f64 = 0.3;
+/// A descent is blocked where the vehicle does not sink at this part of the commanded speed, for so long, s, or for so
+/// long where it is higher than the ground that it took off from.
+const FOLLOWS: f64 = 0.3;
+const BLOCKED: (f64, f64) = (0.2, 1.0);
+/// What lies still is no faster than this, m/s, for so long, s.
+const STILL: (f64, f64) = (0.3, 0.2);
+/// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled, or comes down
+/// without a rotor, bounces about.
+const FELT: (f64, f64) = (0.5, 0.1);
+
+/// Parts of the weight that the rotors carry at the begin and at the end of unloading.
+const LOADS: (f64, f64) = (0.7, 0.05);
+/// Unloading takes so long, s; at the end the vehicle stays unloaded for so long, s, and for so long where
+/// it is higher than the ground that it took off from.
+const UNLOAD: f64 = 0.6;
+const UNLOADED: (f64, f64) = (0.2, 1.5);
+/// A vehicle that stands changes its speed by less than this, m/s, and its tilt (as a cosine) by less than this.
+const STANDS: (f64, f64) = (0.15, 0.02);
+/// Higher than this above the ground that it took off from, a vehicle that has toppled does not lie on it, m.
+const LIES: f64 = 0.05;
+/// A descent that something else than the ground has stopped so often does not succeed.
+pub(super) const ATTEMPTS: u32 = 4;
+
+/// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
+/// faster than so much, m/s, and rises again where it sinks faster than so much.
+const FORCED: f64 = 0.1;
+const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
+/// A vehicle that is unloaded by force lies on something after so long, s.
+const FORCED_REST: f64 = 2.0;
+
+/// What tells of the ground.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Seen {
+    /// What the rotors' thrust lacks to the weight, N.
+    pub(super) missing: f64,
+    /// External force by the accelerometer, N, world; none where it is not to be had.
+    pub(super) observed_w: Option<Vector3>,
+    /// Commanded speed of the descent, m/s; none where it goes by thrust, without a speed.
+    pub(super) sinks: Option<f64>,
+    /// Speed upwards, m/s: where no speed is known, its changes are right all the same.
+    pub(super) velocity: f64,
+    /// Cosine of the tilt.
+    pub(super) upright: f64,
+    /// Height above the place of the take-off at the least, m: its deviation, three times, is taken off.
+    pub(super) above: Option<f64>,
+    /// Whether the vehicle has tilted beyond its limit: then the estimate's up may be wrong too.
+    pub(super) toppled: bool,
+    /// Whether it comes down without a rotor that it takes to hover.
+    pub(super) adrift: bool,
+    /// Whether it is to be brought down whatever it costs.
+    pub(super) forced: bool,
+}
+
+/// What the rotors carry, N, upwards: at least and at most.
+pub(super) type Lift = [f64; 2];
+
+/// Whatever the control laws want.
+pub(super) const FREE: Lift = [f64::NEG_INFINITY, f64::INFINITY];
+
+/// What a tick of a descent comes to.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// Down, with this lift.
+    On(Lift),
+    /// What stopped the descent was not the ground: fly on from here.
+    Resume,
+    /// The ground carries the vehicle.
+    Down,
+}
+
+/// Rotors that carry less and less.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Unloading {
+    time: f64,
+    velocity: f64,
+    upright: f64,
+}
+
+/// A descent.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Landing {
+    still: f64,
+    felt: f64,
+    unloading: Option<Unloading>,
+    attempts: u32,
+    /// Part of the weight carried at most, once it is forced down, and for how long nothing has been.
+    carried: Option<f64>,
+    unloaded: f64,
+}
+
+impl Landing {
+    /// How often something else than the ground has stopped it.
+    pub(super) fn attempts(&self) -> u32 {
+        self.attempts
+    }
+
+    /// One tick of a vehicle of a weight, N.
+    pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
+        if self.lies(seen, weight, dt) {
+            return Verdict::Down;
+        }
+        if seen.forced {
+            return self.force(seen, weight, dt);
+        }
+        self.carried = None;
+        if seen.toppled || seen.adrift {
+            self.unloading = None;
+            return Verdict::On(FREE);
+        }
+        let elsewhere = seen.above.is_some_and(|above| above > 0.0);
+        let Some(mut unloading) = self.unloading else {
+            if self.blocked(seen, weight, elsewhere, dt) {
+                self.unloading =
+                    Some(Unloading { time: 0.0, velocity: seen.velocity, upright: seen.upright });
+            }
+            return Verdict::On(FREE);
+        };
+        unloading.time += dt;
+        let (change, tilt) = STANDS;
+        let moved = (seen.velocity - unloading.velocity).abs() > change;
+        if moved || unloading.upright - seen.upright > tilt {
+            self.begin_again();
+            return Verdict::Resume;
+        }
+        self.unloading = Some(unloading);
+        let (on_the_ground, on_something) = UNLOADED;
+        if unloading.time > UNLOAD + if elsewhere { on_something } else { on_the_ground } {
+            return Verdict::Down;
+        }
+        let (first, last) = LOADS;
+        let load = (first + (last - first) * (unloading.time / UNLOAD).min(1.0)) * weight;
+        Verdict::On([load, load])
+    }
+
+    fn begin_again(&mut self) {
+        *self = Self { attempts: self.attempts.saturating_add(1), ..Self::default() };
+    }
+
+    /// Whether something stops the descent: by its speed and by what carries the vehicle in place of its rotors,
+    /// which is missing thrust (no accelerometer needed) or a force that is felt; without a speed, by the force alone.
+    fn blocked(&mut self, seen: &Seen, weight: f64, elsewhere: bool, dt: f64) -> bool {
+        let feels = seen.observed_w.is_some_and(|force| force.z > SHARE * weight);
+        self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
+        let Some(sinks) = seen.sinks else { return self.felt > FELT.0 };
+        let carried = feels || seen.missing > SHARE * weight;
+        let stopped = sinks > 0.0 && seen.velocity > -FOLLOWS * sinks && seen.velocity < STILL.0;
+        self.still = if carried && stopped { self.still + dt } else { 0.0 };
+        self.still > if elsewhere { BLOCKED.1 } else { BLOCKED.0 }
+    }
+
+    /// Whether a vehicle that is not upright, or cannot be kept so, lies on the ground: nothing can be tried with it.
+    fn lies(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
+        if !(seen.toppled || seen.adrift) || seen.above.is_some_and(|above| above > LIES) {
+            return false;
+        }
+        let carried = |force: Vector3| if seen.toppled { force.norm() } else { force.z };
+        let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
+        self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
+        let stands = seen.missing > SHARE * weight && seen.velocity.abs() < STILL.0;
+        self.still = if stands { self.still + dt } else { 0.0 };
+        self.felt > FELT.1 || self.still > STILL.1
+    }
+
+    /// Thrust goes to what brings it down.
+    fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
+        let (slow, fast) = FORCED_SPEEDS;
+        let sinking = -seen.velocity;
+        let rate = if sinking < slow {
+            -FORCED
+        } else if sinking > fast {
+            5.0 * FORCED
+        } else {
+            0.0
+        };
+        let carried = (self.carried.unwrap_or(1.0) + rate * dt).max(LOADS.1).min(1.0);
+        self.carried = Some(carried);
+        let still = carried <= LOADS.1 && seen.velocity.abs() < STILL.0;
+        self.unloaded = if still { self.unloaded + dt } else { 0.0 };
+        if self.unloaded > FORCED_REST {
+            return Verdict::Down;
+        }
+        Verdict::On([f64::NEG_INFINITY, carried * weight])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WEIGHT: f64 = 20.0;
+    const DT: f64 = 2e-3;
+    const AIR: Seen = Seen {
+        missing: 0.0,
+        observed_w: Some(Vector3::new(0.0, 0.0, 0.0)),
+        sinks: Some(0.25),
+        velocity: -0.25,
+        upright: 1.0,
+        above: None,
+        toppled: false,
+        adrift: false,
+        forced: false,
+    };
+
+    /// What comes of a descent in 10 s, and after what time, s, where the vehicle's speed answers the lift.
+    fn run(seen: impl Fn(f64, Lift) -> Seen) -> (Verdict, f64) {
+        let (mut landing, mut lift) = (Landing::default(), FREE);
+        for k in 0..5000 {
+            let time = f64::from(k) * DT;
+            match landing.step(&seen(time, lift), WEIGHT, DT) {
+                Verdict::On(next) => lift = next,
+                other => return (other, time),
+            }
+        }
+        (Verdict::On(lift), 10.0)
+    }
+
+    #[test]
+    fn what_stays_while_it_is_unloaded_stands() {
+        let stands = |_, _| Seen { missing: 10.0, velocity: 0.0, ..AIR };
+        let (verdict, time) = run(stands);
+        assert!(verdict == Verdict::Down && (0.9..1.2).contains(&time), "{verdict:?} {time}");
+        // Without a speed, by the force.
+        let blind = |_, _| Seen { observed_w: Some(Vector3::new(0.0, 0.0, 10.0)), sinks: None, ..AIR };
+        assert_eq!(run(blind).0, Verdict::Down);
+        assert_eq!(run(|_, _| AIR), (Verdict::On(FREE), 10.0));
+        // Not so soon where the ground should not be.
+        let (verdict, time) = run(|time, lift| Seen { above: Some(0.4), ..stands(time, lift) });
+        assert!(verdict == Verdict::Down && time > 3.0, "{verdict:?} {time}");
+    }
+
+    #[test]
+    fn what_is_pushed_up_in_the_air_moves_when_it_is_unloaded() {
+        for push in 4..20 {
+            let push = f64::from(push);
+            let speed = core::cell::Cell::new(0.0);
+            let pushed = |_, [least, most]: Lift| {
+                let carried = if least == most { most } else { WEIGHT - push };
+                speed.set(if least == most {
+                    speed.get() + (carried + push - WEIGHT) * 0.5 * DT
+                } else {
+                    0.0
+                });
+                let observed_w = Some(Vector3::new(0.0, 0.0, push));
+                Seen { missing: WEIGHT - carried, observed_w, sinks: None, velocity: speed.get(), ..AIR }
+            };
+            assert_ne!(run(pushed).0, Verdict::Down, "{push} N");
+        }
+    }
+
+    #[test]
+    fn what_has_toppled_lies_where_it_feels_the_ground_and_only_there() {
+        let felt = Some(Vector3::new(10.0, 0.0, 0.0));
+        let lies = Seen { observed_w: felt, toppled: true, velocity: 3.0, ..AIR };
+        let (verdict, time) = run(|_, _| lies);
+        assert!(verdict == Verdict::Down && time < 0.15);
+        assert_ne!(run(|_, _| Seen { above: Some(0.5), ..lies }).0, Verdict::Down);
+    }
+
+    #[test]
+    fn what_does_not_sink_is_brought_down_with_less_and_less() {
+        let (verdict, _) = run(|_, _| Seen { forced: true, velocity: 0.5, ..AIR });
+        assert!(matches!(verdict, Verdict::On([_, most]) if most < 0.1 * WEIGHT), "{verdict:?}");
+        let (verdict, _) = run(|_, _| Seen { forced: true, velocity: -0.7, ..AIR });
+        assert!(matches!(verdict, Verdict::On([_, most]) if most > 0.9 * WEIGHT), "{verdict:?}");
+    }
+}

@@ -1,0 +1,99 @@
+//! Flying over a line that has become late: slower control, of the state as it will be when a command arrives.
+
+use crate::{
+    controller::ControllerParams,
+    pose_control::PoseGains,
+    so3,
+    types::{RobotState, Vector3},
+    wrench_observer::ObserverGains,
+};
+
+/// Rates that bear a delay of a tenth of a second with the rotors' lag, 1/s: of position and rotation,
+/// both critically damped, and of the observer.
+const POSITION: f64 = 1.5;
+const ROTATION: f64 = 5.0;
+const OBSERVER: f64 = 3.0;
+/// Ticks that are remembered.
+const TICKS: usize = 64;
+
+/// Slower gains than these, where these are faster.
+pub(super) fn slowed(params: &ControllerParams) -> ControllerParams {
+    let most = |gain: Vector3, limit: f64| gain.map(|x| x.min(limit));
+    ControllerParams {
+        pose: PoseGains {
+            position: most(params.pose.position, POSITION * POSITION),
+            velocity: most(params.pose.velocity, 2.0 * POSITION),
+            rotation: most(params.pose.rotation, ROTATION * ROTATION),
+            angular_velocity: most(params.pose.angular_velocity, 2.0 * ROTATION),
+        },
+        observer: ObserverGains {
+            force: most(params.observer.force, OBSERVER),
+            torque: most(params.observer.torque, OBSERVER),
+        },
+        ..*params
+    }
+}
+
+/// The turns that the last commands are about to make.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Pending {
+    /// Angular acceleration, rad/s^2, robot, times the length of its tick, s; newest last.
+    turns: [(Vector3, f64); TICKS],
+}
+
+impl Default for Pending {
+    fn default() -> Self {
+        Self { turns: [(Vector3::new(0.0, 0.0, 0.0), 0.0); TICKS] }
+    }
+}
+
+impl Pending {
+    /// Takes the angular acceleration, rad/s^2, robot, that the model expects over a tick of `dt` s.
+    pub(super) fn push(&mut self, angular_acceleration_r: Vector3, dt: f64) {
+        self.turns.rotate_left(1);
+        if let Some(slot) = self.turns.last_mut() {
+            *slot = (angular_acceleration_r, dt);
+        }
+    }
+
+    /// A state that is `delay` s old when a command of now takes effect, as it will be then.
+    pub(super) fn ahead(&self, robot: &RobotState, delay: f64) -> RobotState {
+        let (mut left, mut rate, mut turn) = (delay, Vector3::zeros(), Vector3::zeros());
+        // A tick's turn acts until the end: its share of the angle is what is left after it.
+        for (alpha, dt) in self.turns.iter().rev() {
+            if left <= 0.0 {
+                break;
+            }
+            let dt = dt.min(left);
+            let since = delay - left + 0.5 * dt;
+            rate += alpha * dt;
+            turn += alpha * dt * since;
+            left -= dt;
+        }
+        RobotState {
+            position_w: robot.position_w + robot.velocity_w * delay,
+            rotation_wr: robot.rotation_wr * so3::exp(&(robot.angular_velocity_r * delay + turn)),
+            angular_velocity_r: robot.angular_velocity_r + rate,
+            ..*robot
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_steady_acceleration_is_carried_on() {
+        let mut pending = Pending::default();
+        for _ in 0..TICKS {
+            pending.push(Vector3::new(2.0, 0.0, 0.0), 0.002);
+        }
+        let mut robot = RobotState::at_rest(Vector3::zeros());
+        robot.angular_velocity_r.x = 0.5;
+        let ahead = pending.ahead(&robot, 0.08);
+        assert!((ahead.angular_velocity_r.x - 0.66).abs() < 1e-9);
+        let angle = so3::log(&ahead.rotation_wr).x;
+        assert!((angle - (0.5 * 0.08 + 0.5 * 2.0 * 0.08 * 0.08)).abs() < 1e-9, "{angle}");
+    }
+}

@@ -1,0 +1,80 @@
+//! The delay of a line that was fine before: numbered samples that all come later than they used to.
+
+/// Later than before by this much, s, for so long, s: the line is late.
+const LATE: f64 = 0.012;
+const LATE_FOR: f64 = 0.05;
+/// Within this of what it was, s, for so long, s: it is fine again.
+const FINE: f64 = 0.006;
+const FINE_FOR: f64 = 0.5;
+/// What differs by more, s, was numbered anew: it tells nothing of the line.
+const NUMBERED_ANEW: f64 = 0.25;
+/// Clocks that drift apart move what is usual: slowly towards later, s, and quickly towards earlier.
+const SLOWLY: f64 = 0.3;
+const QUICKLY: f64 = 0.02;
+
+/// Arrival times by sample numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LineDelay {
+    /// Usual difference of arrival and the sample's own time, s, and the last arrival, s.
+    usual: Option<(f64, f64)>,
+    /// Since when the line has differed from what it counts as, s.
+    since: Option<f64>,
+    late: bool,
+    delay: f64,
+}
+
+impl LineDelay {
+    /// Takes the time of a sample by its number, s from the first one, and its arrival, s. The delay that the line has
+    /// beyond the usual one, s; 0 where it is not late.
+    pub fn step(&mut self, made: f64, arrival: f64) -> f64 {
+        let found = arrival - made;
+        let Some((usual, last)) = self.usual else {
+            self.usual = Some((found, arrival));
+            return 0.0;
+        };
+        let excess = found - usual;
+        if !(-NUMBERED_ANEW..=NUMBERED_ANEW).contains(&excess) {
+            *self = Self { usual: Some((found, arrival)), ..Self::default() };
+            return 0.0;
+        }
+        let (differs, long) = if self.late { (excess < FINE, FINE_FOR) } else { (excess > LATE, LATE_FOR) };
+        self.since = if differs { self.since.or(Some(arrival)) } else { None };
+        if self.since.is_some_and(|since| arrival - since > long) {
+            (self.late, self.since) = (!self.late, None);
+        }
+        self.delay = if self.late { excess.max(0.0) } else { 0.0 };
+        // What is late does not become usual; a host that was held up reads many samples at once.
+        let passed = (arrival - last).max(0.0);
+        let constant = if excess > 0.0 { SLOWLY } else { QUICKLY };
+        let share = if self.late && excess > 0.0 { 0.0 } else { (passed / constant).min(1.0) };
+        self.usual = Some((usual + share * excess, arrival));
+        self.delay
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Delays that are seen while samples of 2 ms come late by `late(k)`, s.
+    fn run(late: impl Fn(u32) -> f64) -> std::vec::Vec<f64> {
+        let mut line = LineDelay::default();
+        (0..5000).map(|k| line.step(f64::from(k) * 2e-3, 7.0 + f64::from(k) * 2e-3 + late(k))).collect()
+    }
+
+    #[test]
+    fn a_step_is_seen_and_stays_seen_until_it_ends() {
+        let seen = run(|k| if (1000..4000).contains(&k) { 0.04 } else { 1e-3 * f64::from(k % 3) });
+        assert!(seen[..1000].iter().all(|d| *d == 0.0));
+        assert!(seen[1100..4000].iter().all(|d| (0.025..0.041).contains(d)), "{:?}", &seen[1100..1110]);
+        assert!(seen[4600..].iter().all(|d| *d == 0.0));
+    }
+
+    #[test]
+    fn drift_jitter_and_a_host_that_was_held_up_are_no_late_line() {
+        assert!(run(|k| 0.02 * 2e-3 * f64::from(k)).iter().all(|d| *d == 0.0));
+        assert!(run(|k| 8e-3 * f64::from(k * 7919 % 11) / 11.0).iter().all(|d| *d == 0.0));
+        let held_up = |k: u32| if (1000..1100).contains(&k) { 2e-3 * f64::from(1100 - k) } else { 0.0 };
+        assert!(run(held_up).iter().all(|d| *d == 0.0));
+    }
+}

@@ -1,0 +1,110 @@
+//! Capture systems that lie about where the vehicle is.
+
+use crate::world::World;
+use tilthex_core::{
+    Matrix3, PoseSample, Vector3,
+    random::Random,
+    supervisor::{Fault, Phase},
+};
+
+/// From a time on, s, the pose of that time with new numbers and so much noise, m.
+fn freeze(world: &mut World, from: f64, until: f64, noise: f64) {
+    let (mut kept, mut random) = (None, Random::new(7));
+    world.capture = Box::new(move |now, pose| {
+        if !(from..until).contains(&now) {
+            return Some(pose);
+        }
+        let first: PoseSample = *kept.get_or_insert(pose);
+        Some(PoseSample {
+            position_w: first.position_w + random.normal3(noise),
+            rotation_wr: first.rotation_wr,
+            ..pose
+        })
+    });
+}
+
+fn comes_down(world: &mut World, what: &str) {
+    assert!(world.ends(40.0), "{what}: {:?}", world.phase());
+    assert!(world.ended_by().is_some_and(|fault| fault != Fault::Operator), "{what}");
+    assert!(
+        world.farthest < 3.0 && world.highest < 2.0,
+        "{what}: {:.1} {:.1}",
+        world.farthest,
+        world.highest
+    );
+    assert!(world.stopped_at.unwrap() < 0.1, "{what}: stopped at {:.2} m", world.stopped_at.unwrap());
+}
+
+#[test]
+fn a_pose_that_freezes_in_hover_for_good_lands() {
+    for seed in 101..105 {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        world.fly();
+        let now = world.now();
+        freeze(&mut world, now, f64::INFINITY, 0.0);
+        comes_down(&mut world, "frozen");
+        assert!(world.saw(Fault::PoseFrozen) && world.farthest < 1.0, "{:.2}", world.farthest);
+    }
+}
+
+#[test]
+fn a_pose_that_freezes_with_noise_lands() {
+    for seed in 111..117 {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        world.fly();
+        let now = world.now();
+        freeze(&mut world, now, f64::INFINITY, 0.5e-3);
+        world.run(12.0);
+        world.host.land = true;
+        assert!(world.ends(40.0), "{:?}", world.phase());
+        // It is told once it has gathered speed: up to 7 m away, which is too far still, where it flew away before.
+        assert!(
+            world.farthest < 8.0 && world.highest < 2.5,
+            "{seed}: {:.1} {:.1}",
+            world.farthest,
+            world.highest
+        );
+        assert!(world.stopped_at.unwrap() < 0.15);
+    }
+}
+
+#[test]
+fn motors_do_not_start_on_a_frozen_pose() {
+    let mut world = World::preset("tilt-hex", "exact", 121);
+    freeze(&mut world, 0.5, f64::INFINITY, 0.0);
+    world.run(20.0);
+    assert_eq!(world.phase(), Phase::Disarmed);
+    assert!(world.saw(Fault::PoseFrozen) && world.stopped_at.is_none());
+}
+
+#[test]
+fn a_frozen_pose_that_moves_again_lands_or_flies_on() {
+    let mut world = World::preset("tilt-hex", "measured", 122);
+    world.fly();
+    let now = world.now();
+    freeze(&mut world, now, now + 3.0, 0.0);
+    world.run(1.0);
+    comes_down(&mut world, "3 s");
+}
+
+#[test]
+fn default_poses_are_no_poses() {
+    for (length, seed) in [(0.4, 131), (2.0, 132), (1e9, 133)] {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        world.fly();
+        let begin = world.now();
+        world.capture = Box::new(move |now, pose| {
+            let lost = (begin..begin + length).contains(&now);
+            let default =
+                PoseSample { position_w: Vector3::zeros(), rotation_wr: Matrix3::identity(), ..pose };
+            Some(if lost { default } else { pose })
+        });
+        world.run(1.0);
+        if length < 0.5 {
+            assert_eq!(world.phase(), Phase::Flying);
+            assert!(world.farthest < 0.2);
+        } else {
+            comes_down(&mut world, "default pose");
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! A serial line that becomes late at one moment.
+
+use crate::world::World;
+use tilthex_core::supervisor::{Fault, Phase};
+
+#[test]
+fn a_line_that_becomes_late_is_a_fault_of_its_own_and_does_not_tumble() {
+    for (delay, seed) in [(0.02, 81), (0.03, 82), (0.04, 83)] {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        world.fly();
+        world.run(1.0);
+        world.line_delay = delay;
+        let ended = world.ends(30.0);
+        assert!(world.saw(Fault::LineLate), "{delay}");
+        assert_eq!(world.ended_by(), Some(Fault::LineLate), "{delay}");
+        assert!(ended && world.simulation.stands(), "{delay}: {:?}", world.phase());
+        assert!(
+            world.farthest < 0.6 && world.fastest < 1.5,
+            "{delay}: {:.2} m, {:.2} m/s",
+            world.farthest,
+            world.fastest
+        );
+        assert!(world.stopped_at.unwrap() < 0.1);
+    }
+}
+
+#[test]
+fn a_delay_that_was_there_from_the_begin_is_no_late_line() {
+    let mut world = World::preset("tilt-hex", "exact", 84);
+    world.line_delay = 0.004;
+    world.fly();
+    assert!(!world.saw(Fault::LineLate) && world.phase() == Phase::Flying);
+    assert!(world.land(30.0));
+}

@@ -1,0 +1,13 @@
+//! What must not hurt the people beside a vehicle: whole flights through the link, on virtual time, each with
+//! something that real peers and people do, and the end that it must have.
+
+#![allow(clippy::unwrap_used)]
+
+mod bias;
+mod capture;
+mod landing;
+mod lift_off;
+mod line;
+mod rig;
+mod rotors;
+mod world;
