@@ -80,6 +80,7 @@ fn controller_tick(count: usize, damping: f64) {
             learn_bias: false,
             lost_rotors: 0,
             fixed_attitude: false,
+            unyielding: None,
         };
         black_box(controller.step(&mut state, black_box(&input), black_box(PERIOD)));
     }
