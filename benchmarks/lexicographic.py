@@ -91,7 +91,7 @@ def random_vehicle(rng: np.random.Generator) -> tilthex.Vehicle:
         described = {"mass": 2.4, "inertia": [0.01, 0.01, 0.02], "rotors": rotors}
         try:
             vehicle = tilthex.Vehicle.from_dict(described)
-        except ValueError:  # can not be controlled
+        except ValueError:  # cannot be controlled
             continue
         if np.linalg.cond(vehicle.allocation[:, :4]) < 1e4:
             return vehicle

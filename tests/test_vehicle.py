@@ -55,7 +55,7 @@ def test_every_column_of_the_allocation_matrix(alpha, beta, offset):
 def test_hover_speeds_carry_the_weight(preset, tilt):
     vehicle = tilthex.Vehicle.preset(preset)
     if np.linalg.matrix_rank(vehicle.allocation) < 6:
-        tilt = (0.0, 0.0, tilt[2])  # it can not hover tilted
+        tilt = (0.0, 0.0, tilt[2])  # it cannot hover tilted
     rotation = Rotation.from_rotvec(tilt).as_matrix()
     w = vehicle.hover_speeds(rotation)
     wrench = vehicle.allocation @ (w * abs(w))

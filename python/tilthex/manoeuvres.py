@@ -157,7 +157,7 @@ def add_parser(subparsers: Any) -> None:
     """Registers the command with the parsers of `tilthex`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "manoeuvres",
-        help="fly what the rotors can not give, with the allocator and with a clip",
+        help="fly what the rotors cannot give, with the allocator and with a clip",
         description="Flies saturating manoeuvres with every vehicle, prints a table and plots each.",
     )
     parser.add_argument(

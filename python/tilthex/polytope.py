@@ -38,7 +38,7 @@ class WrenchPolytope:
         inputs: (v, n), rotor inputs in Hz^2 that produce each vertex.
         normals: (m, k), outward, of unit length.
         offsets: (m,): a point x is inside where `normals @ x <= offsets`.
-        dimension: of the set; below k where the vehicle can not produce them independently.
+        dimension: of the set; below k where the vehicle cannot produce them independently.
         volume: in that dimension.
     """
 
@@ -103,7 +103,7 @@ class WrenchPolytope:
         k = len(self.components)
         if k not in (2, 3) or self.dimension != k:
             raise ValueError(
-                f"a set of dimension {self.dimension} in {self.components} can not be drawn; "
+                f"a set of dimension {self.dimension} in {self.components} cannot be drawn; "
                 "expected two or three independent components: fix the others"
             )
         if axes is None:
@@ -179,7 +179,7 @@ def wrench_polytope(
 def lateral_reach(vehicle: Vehicle, lost: Sequence[int] = ()) -> float:
     """Horizontal force, N, possible in every direction in a level hover without a torque.
 
-    Zero of a vehicle that must lean; minus infinity where it can not hover level.
+    Zero of a vehicle that must lean; minus infinity where it cannot hover level.
     """
     try:
         section = wrench_polytope(vehicle, hover=True, fix={"fz": 0.0, **NO_TORQUE}, lost=lost)

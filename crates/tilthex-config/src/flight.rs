@@ -18,7 +18,7 @@ impl Config {
     /// The parameters of the state estimator.
     ///
     /// # Errors
-    /// The key of `[estimator]` that can not be.
+    /// The key of `[estimator]` that cannot be.
     pub fn estimator_params(&self) -> Result<EstimatorParams, ConfigError> {
         self.estimator.params(self.vehicle.vehicle())
     }
@@ -26,7 +26,7 @@ impl Config {
     /// The parameters of a flight; `take_off` starts it without a command.
     ///
     /// # Errors
-    /// The section and the key that can not be.
+    /// The section and the key that cannot be.
     pub fn flight_params(&self, take_off: bool) -> Result<FlightParams, ConfigError> {
         let guidance = self.mission.params()?;
         if guidance.calibration == Calibration::Tilts && self.vehicle.vehicle().rank() < 6 {

@@ -154,7 +154,7 @@ fn every_vehicle_yields_to_a_push_and_comes_back() {
         let start = f.hold();
         let tool = f.plant.vehicle().tool().position_r;
         let deviation = |f: &Flight| {
-            // Of the centre of mass: a vehicle that must lean can not keep its tool in place.
+            // Of the centre of mass: a vehicle that must lean cannot keep its tool in place.
             let place = f.state.robot.position_w + tool;
             place - start.position_w
         };
@@ -202,7 +202,7 @@ fn the_redundant_vehicles_hold_after_the_loss_of_any_rotor() {
     }
 }
 
-/// A Tilt-Hex can not hover at rest on five rotors that turn one way: yaw is given up, tilt and height are not.
+/// A Tilt-Hex cannot hover at rest on five rotors that turn one way: yaw is given up, tilt and height are not.
 #[test]
 fn the_tilt_hexes_stay_upright_without_a_rotor() {
     for name in ["tilt-hex", "tilt-hex-light"] {

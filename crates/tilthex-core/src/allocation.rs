@@ -1,7 +1,7 @@
 //! From a wanted body wrench to rotor inputs within their limits; (12), (26).
 //!
 //! Where the rotors can produce the wrench, they do: `u = A^-1 w`, or of all
-//! solutions the one nearest to the hover inputs. Where they can not, the parts
+//! solutions the one nearest to the hover inputs. Where they cannot, the parts
 //! of the wrench are served in strict order of [`Priority`]: no part is worse
 //! by the least amount for the sake of one after it (see `hierarchy`).
 

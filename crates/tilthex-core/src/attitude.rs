@@ -1,4 +1,4 @@
-//! The attitude to fly where the rotors can not give the lateral force that
+//! The attitude to fly where the rotors cannot give the lateral force that
 //! the wanted one needs: the least turn of the reference that brings the wanted
 //! force into what the vehicle can produce.
 //!

@@ -7,7 +7,7 @@
 //! drift of the clocks, which lets the estimate follow them:
 //! `offset_i = min over 1 <= j <= i of (m_j + drift (p_i - p_j))`, kept as one number.
 //! Here `m_j` is the larger of two differences in a row, `q_j - p_j` and the one
-//! before: a single corrupt stamp can not pull the clock. What remains in the
+//! before: a single corrupt stamp cannot pull the clock. What remains in the
 //! result is the smallest latency of the line.
 
 use crate::error::{Error, check_range};

@@ -74,7 +74,7 @@ pub enum Error {
         /// What is expected, and why.
         expected: &'static str,
     },
-    /// The rotors can not turn the vehicle about every axis and carry it as well.
+    /// The rotors cannot turn the vehicle about every axis and carry it as well.
     NotControllable {
         /// Rank of the allocation matrix.
         rank: usize,

@@ -35,7 +35,7 @@ impl RotorRoom {
     /// With the largest torque, N m.
     ///
     /// # Errors
-    /// A torque out of range, or a vehicle that can not hover tilted.
+    /// A torque out of range, or a vehicle that cannot hover tilted.
     pub fn new(vehicle: &Vehicle, largest: f64) -> Result<Self, Error> {
         check_range("room_torque", largest, 0.0, 1000.0)?;
         if largest > 0.0 && vehicle.actuation() != Actuation::Pose {

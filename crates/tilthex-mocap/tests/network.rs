@@ -148,7 +148,7 @@ fn vrpn_poses_carry_their_own_time() {
     let (uri, _end) = in_motion(Server::vrpn(VrpnServerParams::new("hex")));
     let params = ClientParams { up_axis: UpAxis::Z, latency: 0.0 };
     let (client, mut ring) = Client::start(&uri("vrpn", "hex"), params).unwrap();
-    // What one-way synchronisation can not see is the smallest latency of the line.
+    // What one-way synchronisation cannot see is the smallest latency of the line.
     collect(&mut ring, 40).iter().for_each(|sample| assert_true(sample, 0.1));
     assert_eq!((client.status().refused, client.status().clock_resets), (0, 0));
 }

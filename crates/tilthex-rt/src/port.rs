@@ -248,7 +248,7 @@ mod tests {
         let (_master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
         let path = path.to_str().expect("plain");
         let _held = Port::open(path, 0).expect("opens");
-        let message = |name: &str| Port::open(name, 0).expect_err("can not be opened").message;
+        let message = |name: &str| Port::open(name, 0).expect_err("cannot be opened").message;
         assert!(message(path).contains("in use"), "{}", message(path));
         assert!(message("/dev/no-such-port").contains("does not exist"));
         assert!(message("/dev/null").contains("no serial port"));

@@ -186,7 +186,7 @@ impl Link {
         }
         symlink(target, path).map_err(|e| {
             Failure::usage(format!(
-                "{} can not be linked to the pseudo-terminal: {e}; name a place that is free with --link",
+                "{} cannot be linked to the pseudo-terminal: {e}; name a place that is free with --link",
                 path.display()
             ))
         })?;

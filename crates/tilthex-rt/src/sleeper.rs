@@ -40,7 +40,7 @@ impl Sleeper {
     }
 
     /// Waits for the next deadline. Where it has already passed, the periods
-    /// that can not be met any more are skipped. Safe in the loop.
+    /// that cannot be met any more are skipped. Safe in the loop.
     pub fn wait(&mut self, clock: &impl Clock) -> Wake {
         let late = clock.now().saturating_sub(self.next);
         let skipped = late.div_ceil(self.period);

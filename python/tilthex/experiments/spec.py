@@ -191,7 +191,7 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
 
 
 def read_toml(text: str, where: str) -> Table:
-    """TOML as a table; what can not be read is said with where it stands."""
+    """TOML as a table; what cannot be read is said with where it stands."""
     try:
         table: Table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -19,7 +19,7 @@ def render(run: Run, record: Record, path: Path, *, size: tuple[int, int] = (480
     """Writes a flight as an animated GIF, in real time.
 
     Raises:
-        OSError: Where the machine can not render off-screen, with what it lacks.
+        OSError: Where the machine cannot render off-screen, with what it lacks.
     """
     from PIL import Image
 
@@ -34,7 +34,7 @@ def render(run: Run, record: Record, path: Path, *, size: tuple[int, int] = (480
         renderer = mujoco.Renderer(model, *size)
     except Exception as error:
         raise OSError(
-            f"no video: MuJoCo can not render without a display here ({error}); it needs EGL "
+            f"no video: MuJoCo cannot render without a display here ({error}); it needs EGL "
             "(MUJOCO_GL=egl, a GPU driver or Mesa) or OSMesa (MUJOCO_GL=osmesa)"
         ) from error
     frames = []

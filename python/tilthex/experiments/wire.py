@@ -71,7 +71,7 @@ class Files:
 
 
 def check(experiment: Experiment) -> None:
-    """Refuses an experiment that can not be flown so.
+    """Refuses an experiment that cannot be flown so.
 
     Raises:
         ValueError: With those that can.

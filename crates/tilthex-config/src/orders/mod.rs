@@ -102,7 +102,7 @@ impl Orders {
 /// Reads a file that people write.
 ///
 /// # Errors
-/// One sentence: the file, and why it can not be read.
+/// One sentence: the file, and why it cannot be read.
 pub fn read_file(path: &Path) -> Result<String, ConfigError> {
     files::read_text(path).map_err(|e| ConfigError::new(format!("{}: cannot be read: {e}", path.display())))
 }

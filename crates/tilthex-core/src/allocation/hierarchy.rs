@@ -11,10 +11,10 @@
 //! (modified Gram-Schmidt, inner products over the free variables only) is carried
 //! over all variables, so that the entries at the held ones are the reduced
 //! gradients: the multipliers of their bounds come without a further solve.
-//! A bound with a non-zero multiplier at the end of a level can not be left
+//! A bound with a non-zero multiplier at the end of a level cannot be left
 //! without loss there, so it is fixed for all later levels.
 //!
-//! Indices that the optimiser can not bound are cut to their range: the proof
+//! Indices that the optimiser cannot bound are cut to their range: the proof
 //! that no step can panic needs it (`crates/tilthex-proof`).
 #![allow(clippy::needless_range_loop)] // an index runs along several vectors
 
@@ -93,7 +93,7 @@ struct Search<'a, const N: usize> {
     side: [Side; N],
     basis: Basis<N>,
     iterations: u32,
-    /// The last step had no length: choose by index, which can not cycle (Bland).
+    /// The last step had no length: choose by index, which cannot cycle (Bland).
     stalled: bool,
 }
 

@@ -129,7 +129,7 @@ impl Estimator {
     /// An estimator that waits for [`initialize`](Self::initialize).
     ///
     /// # Errors
-    /// [`Error`], which names the parameter that can not be.
+    /// [`Error`], which names the parameter that cannot be.
     pub fn new(params: EstimatorParams) -> Result<Self, Error> {
         let derived = params.derive()?;
         let state = UkfState::new(Navigation::ORIGIN, &params.initial);

@@ -96,7 +96,7 @@ pub(super) struct Derived {
 
 impl EstimatorParams {
     /// # Errors
-    /// [`Error`], which names the first parameter that can not be.
+    /// [`Error`], which names the first parameter that cannot be.
     pub(super) fn derive(&self) -> Result<Derived, Error> {
         check_range("position_noise", self.position_noise, 1e-4, 1.0)?;
         check_range("rotation_noise", self.rotation_noise, 1e-4, 1.0)?;

@@ -247,7 +247,7 @@ impl Guidance {
         self.wrench_w = None;
     }
 
-    /// Flies a route from the present set-point. False where it can not be.
+    /// Flies a route from the present set-point. False where it cannot be.
     pub(super) fn play(&mut self, route: &Route) -> bool {
         let now = self.sample();
         let from = Waypoint {

@@ -97,7 +97,7 @@ pub struct HostFacts {
     pub operator_silent: bool,
     /// The port is gone.
     pub link_lost: bool,
-    /// The log can not be written.
+    /// The log cannot be written.
     pub log_lost: bool,
 }
 

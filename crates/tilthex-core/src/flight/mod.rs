@@ -120,7 +120,7 @@ pub struct Flight {
     stopped: StoppedWatch,
     /// Rotors that lift though their motors may say that they have stopped, a bit each.
     lifting: u16,
-    /// Rotors without thrust, and all that are lost, a bit each, and whether the vehicle can not hover without them.
+    /// Rotors without thrust, and all that are lost, a bit each, and whether the vehicle cannot hover without them.
     without_thrust: u16,
     lost: u16,
     adrift: bool,

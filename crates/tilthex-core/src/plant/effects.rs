@@ -94,7 +94,7 @@ impl Effects {
         rod: Rod { stiffness: 0.0, length: 0.2 },
     };
 
-    /// Refuses numbers that can not be.
+    /// Refuses numbers that cannot be.
     ///
     /// # Errors
     /// Names the first.

@@ -79,7 +79,7 @@ impl UkfState {
         let mut gains = [[0.0; LANES]; M];
         let (mut whitened, mut deviation) = ([0.0; M], [0.0; M]);
         let mut l = [[0.0; M]; M];
-        // Cut to their range: the optimiser can not follow a caller's rows to here.
+        // Cut to their range: the optimiser cannot follow a caller's rows to here.
         for (j, row) in rows.iter().enumerate() {
             let mut column: Column =
                 core::array::from_fn(|i| if i < N { p.get(i, (*row).min(N - 1)) } else { 0.0 });

@@ -63,7 +63,7 @@ impl Correction {
 }
 
 impl Vehicle {
-    /// The same vehicle after a correction; none where the correction is so large that it can not be one.
+    /// The same vehicle after a correction; none where the correction is so large that it cannot be one.
     ///
     /// Inertia, rank and condition number stay those of the model.
     #[must_use]

@@ -36,7 +36,7 @@ impl ImuStream {
     /// Before the first frame.
     ///
     /// # Errors
-    /// A period that can not be.
+    /// A period that cannot be.
     pub(super) fn new(params: &LinkParams) -> Result<Self, Error> {
         let period = f64::from(params.imu_period_us) * 1e-6;
         let (rate, force) = IMU_JUMP;

@@ -15,7 +15,7 @@ pub struct BodyName<'a> {
 }
 
 /// The descriptions in a model definition, of which the rigid bodies are given
-/// one by one: an iterator that ends at the first description it can not read,
+/// one by one: an iterator that ends at the first description it cannot read,
 /// with an error.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelDef<'a> {

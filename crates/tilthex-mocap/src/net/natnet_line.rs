@@ -60,7 +60,7 @@ impl Line {
     pub(super) fn say(&self, write: impl FnOnce(&mut [u8]) -> usize) {
         let mut packet = [0; 512];
         let length = write(&mut packet);
-        // What can not be sent is not answered, and asked again.
+        // What cannot be sent is not answered, and asked again.
         let _ = self.command.send_to(&packet[..length], self.server);
     }
 

@@ -167,7 +167,7 @@ impl Worker {
             _ => 0,
         };
         if length > 0 {
-            // What can not be sent is lost, as datagrams are.
+            // What cannot be sent is lost, as datagrams are.
             let _ = self.socket.send_to(&self.out[..length], from);
         }
     }

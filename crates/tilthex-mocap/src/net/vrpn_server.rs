@@ -79,7 +79,7 @@ impl VrpnServer {
         self.address
     }
 
-    /// Shows a pose; one that is not tracked is not sent, as VRPN can not say so.
+    /// Shows a pose; one that is not tracked is not sent, as VRPN cannot say so.
     /// Never blocks; whether there was room for it.
     pub fn publish(&mut self, publication: Publication) -> bool {
         self.publisher.publish(publication)

@@ -186,7 +186,7 @@ fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Runn
             }
             drop(held);
         })
-        .map_err(|e| Failure::usage(format!("the loop's thread can not be started: {e}")))?;
+        .map_err(|e| Failure::usage(format!("the loop's thread cannot be started: {e}")))?;
     let warnings = rights.recv().map_err(|_| Failure::usage("the loop's thread ended before it began"))??;
     for warning in warnings {
         output::error(format_args!("tilthex-rt: warning: {warning}"));

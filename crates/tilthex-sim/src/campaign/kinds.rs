@@ -103,7 +103,7 @@ kinds! {
     Push, "a push of 0.5 to 15 N on the tool", [vehicle::PUSH];
     PushOnArm, "a push of 0.5 to 6 N at the end of an arm", [vehicle::PUSH_ON_ARM];
     Gusts, "gusts of wind with a force of 0.5 to 5 N", [vehicle::GUSTS];
-    DiskFull, "the log can not be written", [Host(|host, on| host.log_lost |= on)];
+    DiskFull, "the log cannot be written", [Host(|host, on| host.log_lost |= on)];
     DiskSlow, "the log's disk stands still", [Disk];
     Stopped, "the program is stopped for 5 to 500 ms", [Stopped];
     StalledInTick, "a tick whose commands leave 5 to 200 ms after its inputs came", [Stalled];

@@ -147,7 +147,7 @@ impl Fleet<'_> {
 /// truth is not the model, each flight has a vehicle of its own.
 ///
 /// # Errors
-/// Where the set-up can not fly even without faults.
+/// Where the set-up cannot fly even without faults.
 pub fn run(
     config: &Config,
     truth: &TruthSection,
@@ -182,7 +182,7 @@ pub fn run(
 /// Flies the flight of one seed again and tells its story.
 ///
 /// # Errors
-/// Where the set-up can not fly even without faults.
+/// Where the set-up cannot fly even without faults.
 pub fn again(
     config: &Config,
     truth: &TruthSection,

@@ -191,7 +191,7 @@ impl Process {
         let pipes = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
         let mut child = pipes.spawn().map_err(|e| {
             SimError::refused(format!(
-                "the world needs {name}, which can not be started: {e}; install Python, then \
+                "the world needs {name}, which cannot be started: {e}; install Python, then \
                  pip install 'tilthex[experiments]'"
             ))
         })?;

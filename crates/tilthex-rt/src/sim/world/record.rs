@@ -101,7 +101,7 @@ pub fn greeting(bytes: &[u8; GREETING]) -> Result<Greeting, String> {
     if numbers.finite && times.iter().all(|time| (0.0..=10.0).contains(time)) {
         Ok(greeting)
     } else {
-        Err("it holds a number that can not be".into())
+        Err("it holds a number that cannot be".into())
     }
 }
 
@@ -218,7 +218,7 @@ mod tests {
         late[..8].copy_from_slice(b"tilthex2");
         assert!(greeting(&late).is_ok());
         late[GREETING - 8..].copy_from_slice(&11.0_f64.to_le_bytes());
-        assert!(greeting(&late).expect_err("poses 11 s late").contains("can not be"));
+        assert!(greeting(&late).expect_err("poses 11 s late").contains("cannot be"));
     }
 
     #[test]
