@@ -28,7 +28,7 @@ pub(crate) struct Cruelty {
 #[derive(Debug)]
 pub(crate) struct Rig {
     plant: Plant,
-    truly: PlantState,
+    body: PlantState,
     /// The same with the rotors in the order of the motors.
     shown: PlantState,
     ground: Ground,
@@ -48,7 +48,7 @@ impl Rig {
         let ground = Ground { leg };
         let mut rig = Self {
             plant,
-            truly: state,
+            body: state,
             shown: state,
             ground,
             cruelty: cruelty.clone(),
@@ -57,13 +57,13 @@ impl Rig {
         for _ in 0..4000 {
             rig.step(&RotorVector::zeros(), 0.25e-3);
         }
-        rig.truly.effects = EffectsState::new(plant.effects(), seed);
-        rig.shown = rig.truly;
+        rig.body.effects = EffectsState::new(plant.effects(), seed);
+        rig.shown = rig.body;
         (rig, cruelty)
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
-        let robot = self.truly.robot;
+        let robot = self.body.robot;
         let mut external = self.ground.wrench(&robot);
         let (force_w, arm_r) = self.cruelty.borrow().push;
         external = external + at(&robot, &force_w, &arm_r);
@@ -75,7 +75,7 @@ impl Rig {
             external = external + at(&robot, &Vector3::new(0.0, 0.0, force), &tip_r);
         }
         self.external = external;
-        self.plant.step(&mut self.truly, commands, &external, dt);
+        self.plant.step(&mut self.body, commands, &external, dt);
     }
 }
 
@@ -94,9 +94,9 @@ impl Body for Rig {
         for _ in 0..4 {
             self.step(&driven, cycle.dt / 4.0);
         }
-        self.shown = self.truly;
+        self.shown = self.body;
         for (motor, rotor) in order.iter().enumerate() {
-            self.shown.rotor_speeds[motor] = self.truly.rotor_speeds[*rotor];
+            self.shown.rotor_speeds[motor] = self.body.rotor_speeds[*rotor];
         }
         if let Some(motor) = self.cruelty.borrow().silent {
             self.shown.rotor_speeds[motor] = 0.0;
@@ -108,7 +108,7 @@ impl Body for Rig {
     }
 
     fn imu(&self) -> ImuSample {
-        self.plant.imu(&self.truly, &self.external)
+        self.plant.imu(&self.body, &self.external)
     }
 
     fn tool_wrench_w(&self) -> Wrench {
@@ -120,6 +120,6 @@ impl Body for Rig {
     }
 
     fn rests(&self) -> bool {
-        self.truly.robot.position_w.z < self.ground.leg + 0.01 && self.truly.robot.velocity_w.norm() < 0.1
+        self.body.robot.position_w.z < self.ground.leg + 0.01 && self.body.robot.velocity_w.norm() < 0.1
     }
 }
