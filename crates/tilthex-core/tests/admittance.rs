@@ -368,7 +368,7 @@ proptest! {
         for i in 0..500 {
             filter.step(&mut state, &setpoint, &Wrench::ZERO, 0.002);
             let energy = filter.energy(&state);
-            prop_assert!(energy <= before + 1e-6 * first, "{i}: {before:e} J, then {energy:e} J");
+            prop_assert!(energy <= before + 1e-5 * first, "{i}: {before:e} J, then {energy:e} J");
             before = energy;
         }
     }

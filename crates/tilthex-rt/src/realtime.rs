@@ -26,7 +26,7 @@ pub enum Demand {
 }
 
 /// How much of the stack is touched before the loop starts, bytes.
-pub const TOUCHED_STACK: usize = 512 * 1024;
+pub const TOUCHED_STACK: usize = 1024 * 1024;
 
 /// Stack of the loop's thread, bytes: what is touched and as much again.
 pub const LOOP_STACK: usize = 2 * TOUCHED_STACK;

@@ -50,6 +50,8 @@ const MISSION: f64 = 7.0;
 const LONGEST: f64 = 45.0;
 /// Ticks after the motors' stop before it is said whether the vehicle stands.
 const SETTLING: usize = 1000;
+/// Stack of a thread that flies: a world takes 150 kB, and is moved about by value, bytes.
+const STACK: usize = 16 << 20;
 /// One flight in so many is flown from power-on.
 const WHOLE_EVERY: u64 = 4;
 
@@ -170,12 +172,22 @@ pub fn run(
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let mut threads_had = 0;
     std::thread::scope(|scope| {
         for _ in 0..threads {
             let hovering = hovering.clone();
-            scope.spawn(|| worker(hovering));
+            let worker = &worker;
+            // A thread that cannot be had leaves its flights to the others.
+            let spawned =
+                std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || worker(hovering));
+            threads_had += usize::from(spawned.is_ok());
         }
     });
+    if threads_had == 0 {
+        return Err(SimError::world(
+            "no thread could be had for the flights; expected at least one: free some memory",
+        ));
+    }
     Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
