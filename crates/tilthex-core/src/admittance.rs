@@ -168,7 +168,16 @@ impl AdmittanceFilter {
             Law::Full(Linear::new(params.mass, mass_inverse, damping_rate, stiffness_rate, fastest))
         };
         let spring = Spring::new(&params.stiffness);
-        Ok(Self { params, spring, law, least_trace: 1.0 + 2.0 * libm::cos(params.max_rotation) })
+        Ok(Self { params, spring, law, least_trace: least_trace(params.max_rotation) })
+    }
+
+    /// The same filter of [`AdmittanceParams::firm`], where another one may yield farther. It cannot fail.
+    #[must_use]
+    pub(crate) fn reaching(mut self, yielding: &AdmittanceParams) -> Self {
+        let AdmittanceParams { max_translation, max_rotation, .. } = AdmittanceParams::firm(yielding);
+        (self.params.max_translation, self.params.max_rotation) = (max_translation, max_rotation);
+        self.least_trace = least_trace(max_rotation);
+        self
     }
 
     /// The parameters.
@@ -270,6 +279,11 @@ impl AdmittanceFilter {
         }
         [translation, rotation]
     }
+}
+
+/// Trace of a rotation by an angle, rad: a smaller trace is a larger turn.
+fn least_trace(max_rotation: f64) -> f64 {
+    1.0 + 2.0 * libm::cos(max_rotation)
 }
 
 /// Brings a vector longer than `limit` back to it; returns its direction if it was.

@@ -227,7 +227,7 @@ impl Controller {
     /// Uses another admittance filter from now on; the reference stays where it is.
     pub fn set_admittance(&mut self, filter: AdmittanceFilter) {
         self.params.admittance = *filter.params();
-        self.firm = AdmittanceFilter::new(AdmittanceParams::firm(filter.params())).unwrap_or(self.firm);
+        self.firm = self.firm.reaching(filter.params());
         self.admittance = filter;
     }
 

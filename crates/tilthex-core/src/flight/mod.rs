@@ -239,7 +239,10 @@ impl Flight {
             Some(Command::ZeroBias) => self.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
-            Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
+            Some(Command::SetAdmittance(filter)) => {
+                self.controller.set_admittance(*filter);
+                self.slow_controller.set_admittance(*filter);
+            }
             Some(Command::Play(route)) => {
                 // Held as well: a hold for want of streamed set-points ends with the route.
                 if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()

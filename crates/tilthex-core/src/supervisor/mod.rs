@@ -225,16 +225,15 @@ impl Supervisor {
     }
 
     fn time_faults(&mut self, conditions: FaultSet, dt: f64) {
-        for row in &TABLE {
-            let i = row.fault as usize;
-            let timer = &mut self.timers[i];
+        // The table is in the order of the faults' numbers.
+        for ((row, timer), count) in TABLE.iter().zip(&mut self.timers).zip(&mut self.counts) {
             let was = self.active.contains(row.fault);
             if conditions.contains(row.fault) {
                 *timer = if *timer < 0.0 { dt } else { *timer + dt };
                 if !was && *timer >= row.after {
                     self.active.insert_if(row.fault, true);
                     self.seen.insert_if(row.fault, true);
-                    self.counts[i] = self.counts[i].saturating_add(1);
+                    *count = count.saturating_add(1);
                 }
             } else {
                 *timer = if *timer > 0.0 { -dt } else { *timer - dt };
