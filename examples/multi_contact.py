@@ -21,8 +21,9 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from tilthex.experiments import judge, spec
+from tilthex.experiments import spec
 from tilthex.experiments.flight import fly
+from tilthex.experiments.found import judge_of
 from tilthex.experiments.report import text_table
 
 
@@ -45,7 +46,7 @@ print(experiment.text)
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]
-judged = judge.of(experiment.kind)
+judged = judge_of(experiment)
 print(text_table([check for run, record in flights for check in judged.checks(run, record)]))
 
 # %%

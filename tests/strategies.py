@@ -48,8 +48,8 @@ def vehicles(draw, **keys) -> tilthex.Vehicle:
             "arm": draw(st.floats(0.15, 0.6)),
             "thrust_coefficient": draw(logarithmic(1e-4, 1e-2)),
             "drag_coefficient": draw(logarithmic(1e-6, 1e-4)),
-            "min_speed": -5000,
-            "max_speed": 5000,
+            "min_speed": -1000,
+            "max_speed": 1000,
         },
     }
     return tilthex.Vehicle.from_dict(described | keys)

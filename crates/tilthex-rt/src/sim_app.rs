@@ -57,7 +57,7 @@ pub struct Args {
     pub pushes: Option<PathBuf>,
 
     /// How the vehicle differs from the configuration's: exact, measured, cad, outdoors, or a TOML file with a
-    /// [truth] table
+    /// `[truth]` table
     #[arg(long, value_name = "LEVEL", default_value = "exact")]
     pub truth: String,
 

@@ -77,9 +77,7 @@ def check(experiment: Experiment) -> None:
         ValueError: With those that can.
     """
     if not experiment.wire:
-        raise ValueError(
-            f"--wire flies experiments whose file says `wire = true`; that of {experiment.kind} does not"
-        )
+        raise ValueError(f"--wire flies experiments whose file says `wire = true`, not {experiment.kind}")
 
 
 def route(run: Run) -> Route:

@@ -66,7 +66,7 @@ pub struct Args {
     pub pushes: Option<PathBuf>,
 
     /// With --sim: how the simulated vehicle differs from the model: exact, measured, cad, outdoors, or a TOML file
-    /// with a [truth] table
+    /// with a `[truth]` table
     #[arg(long, value_name = "LEVEL", requires = "sim")]
     pub truth: Option<String>,
 
@@ -122,7 +122,7 @@ pub(super) enum Action {
         #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
         faults: Vec<Kind>,
         /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML
-        /// file with a [truth] table
+        /// file with a `[truth]` table
         #[arg(long, value_name = "LEVEL", default_value = "exact")]
         truth: String,
     },

@@ -1,7 +1,7 @@
 //! Orders to a running flight: lines of JSON over TCP or a Unix socket. `docs/protocols.md` describes the protocol.
 //!
-//! A client is one thread ([`client`]) around a conversation that knows no socket ([`session`]); what it orders goes
-//! over one desk ([`desk`]) to the loop.
+//! A client is one thread (`client`) around a conversation that knows no socket (`session`); what it orders goes
+//! over one desk (`desk`) to the loop.
 
 mod address;
 mod client;
