@@ -9,7 +9,7 @@ use std::{
 
 use proptest::prelude::*;
 use tilthex_mocap::{
-    ClientParams,
+    ClientParams, UpAxis,
     net::{Client, MocapUri},
     udp::{MAX_LENGTH, PosePacket},
 };
@@ -91,7 +91,8 @@ fn a_client_takes_one_senders_poses_of_its_body_and_nothing_else() {
                 std::thread::sleep(Duration::from_millis(2));
             }
         });
-        let (client, mut poses) = Client::start(&uri, ClientParams::default()).expect("poses come");
+        let params = ClientParams { up_axis: UpAxis::Z, ..ClientParams::default() };
+        let (client, mut poses) = Client::start(&uri, params).expect("poses come");
         connected.store(true, Ordering::Relaxed);
         std::thread::sleep(Duration::from_millis(300));
         let mut count = 0;

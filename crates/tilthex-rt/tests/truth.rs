@@ -8,7 +8,7 @@ fn the_programs_refuse_a_truth_that_is_none_in_one_sentence() {
     for (program, arguments, said) in [
         (sim, ["--truth", "cda"].as_slice(), "unknown level `cda`; the nearest known one is `cad`"),
         (sim, &["--truth", "nowhere.toml"], "nowhere.toml"),
-        (rt, &["--sim", "--truth", "cda"], "unknown level `cda`"),
+        (rt, &["--sim", "--take-off", "--truth", "cda"], "unknown level `cda`"),
         (rt, &["campaign", "--number", "1", "--truth", "cda"], "unknown level `cda`"),
         (rt, &["--truth", "cad"], "--sim"),
     ] {
