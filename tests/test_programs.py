@@ -327,7 +327,7 @@ SURVIVED = (
 
 
 @pytest.mark.xfail(
-    reason="known failure: 18 of seeds 1 to 400 fly away, mostly where commands are lost; see docs/campaign.md",
+    reason="known failure: 18 of seeds 1 to 400 fail, mostly where commands are lost; see docs/campaign.md",
     strict=False,
 )
 def test_hundreds_of_faulty_flights_end_as_the_table_says():
