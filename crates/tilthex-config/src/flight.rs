@@ -28,7 +28,7 @@ impl Config {
     /// # Errors
     /// The section and the key that cannot be.
     pub fn flight_params(&self, take_off: bool) -> Result<FlightParams, ConfigError> {
-        let guidance = self.mission.params()?;
+        let guidance = self.mission.params(self.orders.limits())?;
         if guidance.calibration == Calibration::Tilts && self.vehicle.vehicle().rank() < 6 {
             return Err(ConfigError::new(
                 "[mission]: calibration is \"tilts\"; expected \"hover\" or \"none\": this vehicle hovers in one attitude",
@@ -38,7 +38,7 @@ impl Config {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
-            guidance: GuidanceParams { stream: self.orders.limits(), ..guidance },
+            guidance,
             watch: self.supervisor.params(),
             take_off,
         };
@@ -121,16 +121,21 @@ impl MocapSection {
     }
 }
 
+/// From m/s, m/s^2 and degrees/s, degrees/s^2.
+fn limits((velocity, acceleration): (f64, f64), (turning_deg, turning_faster_deg): (f64, f64)) -> Limits {
+    let (angular_velocity, angular_acceleration) =
+        (turning_deg.to_radians(), turning_faster_deg.to_radians());
+    Limits { velocity, acceleration, angular_velocity, angular_acceleration }
+}
+
 impl MissionSection {
     /// Limits on the way to a way-point.
     #[must_use]
     pub fn limits(&self) -> Limits {
-        Limits {
-            velocity: self.max_velocity,
-            acceleration: self.max_acceleration,
-            angular_velocity: self.max_angular_velocity_deg.to_radians(),
-            angular_acceleration: self.max_angular_acceleration_deg.to_radians(),
-        }
+        limits(
+            (self.max_velocity, self.max_acceleration),
+            (self.max_angular_velocity_deg, self.max_angular_acceleration_deg),
+        )
     }
 
     fn calibration(&self) -> Result<Calibration, ConfigError> {
@@ -140,13 +145,14 @@ impl MissionSection {
         Ok(Calibration::from_name(&self.calibration).unwrap_or_default())
     }
 
-    fn params(&self) -> Result<GuidanceParams, ConfigError> {
+    /// With the largest rates of streamed set-points.
+    fn params(&self, stream: Limits) -> Result<GuidanceParams, ConfigError> {
         Ok(GuidanceParams {
             take_off_height: self.take_off_height,
             bias_time: self.bias_time,
             calibration: self.calibration()?,
             limits: self.limits(),
-            stream: self.limits(),
+            stream,
             landing_speed: self.landing_speed,
             max_setpoint_jump: self.max_setpoint_jump,
         })
@@ -157,12 +163,10 @@ impl OrdersSection {
     /// The largest rates that an order may ask for.
     #[must_use]
     pub fn limits(&self) -> Limits {
-        Limits {
-            velocity: self.max_velocity,
-            acceleration: self.max_acceleration,
-            angular_velocity: self.max_angular_velocity_deg.to_radians(),
-            angular_acceleration: self.max_angular_acceleration_deg.to_radians(),
-        }
+        limits(
+            (self.max_velocity, self.max_acceleration),
+            (self.max_angular_velocity_deg, self.max_angular_acceleration_deg),
+        )
     }
 }
 

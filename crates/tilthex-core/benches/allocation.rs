@@ -9,24 +9,12 @@ use tilthex_core::{
     GRAVITY, Matrix3, Reference, Vector3, Vector6, Vehicle,
     allocation::{Allocator, AllocatorState, RotorStatus},
     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
+    examples,
     random::Random,
-    vehicle::{Mounting, TiltedHexarotor},
 };
 
 fn tilt_hex() -> Vehicle {
-    let rotors = TiltedHexarotor {
-        arm: 0.39,
-        rotor_offset: Vector3::zeros(),
-        alpha: 35f64.to_radians(),
-        beta: 10f64.to_radians(),
-        thrust_coefficient: 11.4e-4,
-        drag_coefficient: 2.4e-5,
-        min_speed: 16.0,
-        max_speed: 110.0,
-    };
-    let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
-    let (tool, imu) = (Mounting::default(), Mounting::default());
-    Vehicle::new(2.4, inertia, &rotors.rotors(), 0.03, tool, imu).expect("a vehicle")
+    examples::tilt_hex().expect("a vehicle")
 }
 
 /// Of many random wrenches that one whose allocation takes longest, by the least of a few runs.

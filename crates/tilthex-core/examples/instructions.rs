@@ -10,9 +10,9 @@ use tilthex_core::{
     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams},
+    examples,
     plant::Plant,
     pose_control::PoseGains,
-    vehicle::{Mounting, TiltedHexarotor},
     wrench_observer::ObserverGains,
 };
 
@@ -20,19 +20,7 @@ const PERIOD: f64 = 0.002;
 
 /// The Tilt-Hex.
 fn vehicle() -> Vehicle {
-    let rotors = TiltedHexarotor {
-        arm: 0.39,
-        rotor_offset: Vector3::zeros(),
-        alpha: 35f64.to_radians(),
-        beta: 10f64.to_radians(),
-        thrust_coefficient: 11.4e-4,
-        drag_coefficient: 2.4e-5,
-        min_speed: 16.0,
-        max_speed: 110.0,
-    };
-    let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
-    let tool = Mounting { position_r: Vector3::new(0.12, 0.0, -0.4), ..Mounting::default() };
-    Vehicle::new(2.4, inertia, &rotors.rotors(), 0.03, tool, Mounting::default()).expect("a vehicle")
+    examples::tilt_hex().expect("a vehicle")
 }
 
 fn admittance(damping: f64) -> AdmittanceParams {

@@ -1,28 +1,12 @@
 //! The simulated vehicle behaves as the vehicle's protocol says.
 
-use tilthex_core::{
-    Matrix3, Vector3, Vehicle,
-    plant::SensorParams,
-    vehicle::{Mounting, TiltedHexarotor},
-};
+use tilthex_core::{Vector3, Vehicle, plant::SensorParams};
 use tilthex_link::tk3::{HostMessage, ImuScales, MAX_FRAME, MotorValues, Receiver, Stream, VehicleMessage};
 use tilthex_rt::{port::Port, sim::Server};
 use tilthex_sim::{Simulation, SimulationParams};
 
 fn vehicle() -> Vehicle {
-    let rotors = TiltedHexarotor {
-        arm: 0.39,
-        rotor_offset: Vector3::zeros(),
-        alpha: 35_f64.to_radians(),
-        beta: -10_f64.to_radians(),
-        thrust_coefficient: 11.4e-4,
-        drag_coefficient: 2.4e-5,
-        min_speed: 16.0,
-        max_speed: 110.0,
-    };
-    let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
-    let tool = Mounting { position_r: Vector3::new(0.12, 0.0, -0.4), ..Mounting::default() };
-    Vehicle::new(2.4, inertia, &rotors.rotors(), 0.03, tool, Mounting::default()).expect("valid")
+    tilthex_core::examples::tilt_hex().expect("valid")
 }
 
 /// A host that talks to the simulation in virtual time.

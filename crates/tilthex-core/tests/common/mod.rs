@@ -50,17 +50,5 @@ pub(crate) fn vehicle() -> impl Strategy<Value = Vehicle> {
 
 /// The paper's Tilt-Hex (table 1, with the published rotor figures).
 pub(crate) fn tilt_hex() -> Vehicle {
-    let hexarotor = TiltedHexarotor {
-        arm: 0.39,
-        rotor_offset: Vector3::zeros(),
-        alpha: 35f64.to_radians(),
-        beta: 10f64.to_radians(),
-        thrust_coefficient: 11.4e-4,
-        drag_coefficient: 2.4e-5,
-        min_speed: 16.0,
-        max_speed: 110.0,
-    };
-    let tool = Mounting { position_r: Vector3::new(0.12, 0.0, -0.4), ..Mounting::default() };
-    let inertia = Matrix3::from_diagonal(&Vector3::new(11.5e-3, 11.4e-3, 19.4e-3));
-    Vehicle::new(2.4, inertia, &hexarotor.rotors(), 0.03, tool, Mounting::default()).unwrap()
+    tilthex_core::examples::tilt_hex().unwrap()
 }

@@ -28,6 +28,15 @@ const LINE_BUFFER: usize = 4096;
 /// The host's clock when the board was powered, s.
 const EPOCH: f64 = 100.0;
 
+/// A way on the line.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Way {
+    /// From the vehicle.
+    Received,
+    /// To the vehicle.
+    Sent,
+}
+
 /// Whether a fault lasts now, and what it remembers.
 #[derive(Clone, Debug, Default)]
 struct Active {
@@ -193,23 +202,26 @@ impl World {
     }
 
     fn arrive(&mut self, mut bytes: Vec<u8>) {
-        let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
-        for (injection, active) in self.injections.iter().zip(&mut self.active) {
-            let Memory { imu, received, .. } = &mut active.memory;
-            for act in injection.kind.acts() {
-                if let Act::Received(spoil) = act {
-                    let random = &mut self.random;
-                    pass(
-                        active.on,
-                        spoil,
-                        injection,
-                        Bytes { bytes: &mut bytes, held: received, imu, random, now, rotors },
-                    );
-                }
-            }
-        }
+        self.spoil(Way::Received, &mut bytes);
         self.to_host.extend(bytes);
         self.to_host.truncate(LINE_BUFFER);
+    }
+
+    /// Lets the faults of the line change bytes that go one way.
+    fn spoil(&mut self, way: Way, bytes: &mut Vec<u8>) {
+        let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
+        for (injection, active) in self.injections.iter().zip(&mut self.active) {
+            let Memory { imu, received, sent, .. } = &mut active.memory;
+            for act in injection.kind.acts() {
+                let (spoil, held) = match (act, way) {
+                    (Act::Received(spoil), Way::Received) => (spoil, &mut *received),
+                    (Act::Sent(spoil), Way::Sent) => (spoil, &mut *sent),
+                    _ => continue,
+                };
+                let random = &mut self.random;
+                pass(active.on, spoil, injection, Bytes { bytes, held, imu, random, now, rotors });
+            }
+        }
     }
 
     fn capture(&mut self) {
@@ -255,21 +267,7 @@ impl World {
 
     /// Hands bytes to the vehicle.
     fn send(&mut self, mut command: Vec<u8>) {
-        let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
-        for (injection, active) in self.injections.iter().zip(&mut self.active) {
-            let Memory { imu, sent, .. } = &mut active.memory;
-            for act in injection.kind.acts() {
-                if let Act::Sent(spoil) = act {
-                    let random = &mut self.random;
-                    pass(
-                        active.on,
-                        spoil,
-                        injection,
-                        Bytes { bytes: &mut command, held: sent, imu, random, now, rotors },
-                    );
-                }
-            }
-        }
+        self.spoil(Way::Sent, &mut command);
         let mut answer = Vec::new();
         self.simulation.receive(&command, &mut answer);
         self.to_host.extend(answer);
