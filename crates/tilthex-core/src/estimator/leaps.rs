@@ -57,6 +57,12 @@ pub(super) fn is_blow(leap: [Coarse; 2]) -> bool {
     leap.iter().zip(BLOW).any(|(leap, blow)| leap.get() > blow)
 }
 
+/// Variance of the velocity that the readings over an interval of `dt` s miss beyond the usual, (m/s)^2.
+pub(super) fn missed_velocity(leap: [Coarse; 2], dt: f64) -> f64 {
+    let [_, force] = leap.map(Coarse::get);
+    MISSED[1] * force * dt * dt
+}
+
 /// The noise over an interval of `dt` s whose later sample leaps by that much beyond the usual.
 pub(super) fn roughened(noise: &ProcessNoise, leap: [Coarse; 2], dt: f64) -> ProcessNoise {
     let [gyro, force] = leap.map(Coarse::get);

@@ -1,6 +1,10 @@
 //! What the estimator knows, at the centre of mass.
 
-use super::{Estimator, Health, Status};
+use super::{
+    Estimator, Health, Quality, Status,
+    history::ImuEntry,
+    leaps::{is_blow, missed_velocity},
+};
 use crate::{
     so3,
     types::{RobotState, Vector3},
@@ -98,7 +102,7 @@ impl Estimator {
         let mut copy = self.head;
         for number in copy.next_sample..self.samples.end() {
             let (gyro, force, length) = self.samples.interval(number);
-            let super::history::ImuEntry { time: end, quality, .. } = *self.samples.get(number);
+            let ImuEntry { time: end, quality, .. } = *self.samples.get(number);
             let filter = self.filter_over(number, length);
             copy.pass_bias(quality);
             if end > copy.time {
@@ -124,6 +128,14 @@ impl Estimator {
         map.fixed_view_mut::<3, 3>(3, 9)
             .copy_from(&(-rotation_wr * so3::hat(&p.imu_position_r) * p.imu_rotation_ri));
         map * covariance * map.transpose()
+    }
+
+    /// Variance of the velocity that the newest inertial sample, `dt` s after the one before, may miss beyond its noise,
+    /// (m/s)^2; none where it was not simply measured, or shows a blow.
+    #[must_use]
+    pub fn missed_velocity(&self, dt: f64) -> Option<f64> {
+        let simple = |s: &&ImuEntry| s.quality == Quality::Measured && !is_blow(s.leap);
+        self.samples.newest().filter(simple).map(|s| missed_velocity(s.leap, dt))
     }
 
     /// The health of the estimate.

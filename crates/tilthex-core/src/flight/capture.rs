@@ -21,6 +21,10 @@ const EXPLAINED: f64 = 0.6;
 const FOLLOWS: f64 = 0.05;
 /// How far the IMU alone may drift, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
+/// After a blow, of which the samples show only a part, poses need this long to bring the state right, s.
+const SETTLES: f64 = 0.3;
+/// Deviations of what the samples miss that are no contradiction.
+const MISSED: f64 = 3.0;
 
 /// A motion as the IMU alone has it.
 #[derive(Clone, Copy, Debug)]
@@ -31,6 +35,8 @@ struct Window {
     length: f64,
     /// How long the estimate went without a pose, s.
     without: f64,
+    /// Variance of the velocity that the samples may have missed, (m/s)^2.
+    missed: f64,
 }
 
 impl Window {
@@ -38,7 +44,7 @@ impl Window {
     fn from(state: &Navigation, rest: &Navigation, length: f64) -> Self {
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
-        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0 }
+        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0, missed: 0.0 }
     }
 }
 
@@ -55,6 +61,8 @@ pub(super) struct CaptureWatch {
     /// State and biases of the vehicle at rest.
     rest: Option<Navigation>,
     window: Option<Window>,
+    /// For how long after a blow nothing can be told, s.
+    settles: f64,
     lies: bool,
 }
 
@@ -95,11 +103,24 @@ impl CaptureWatch {
         (self.rest, self.window) = (Some(*state), None);
     }
 
-    /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes.
-    pub(super) fn feel(&mut self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
+    /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
+    /// velocity that it may miss, (m/s)^2, or none after a blow.
+    pub(super) fn feel(
+        &mut self,
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        missed: Option<f64>,
+        dt: f64,
+    ) {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
+        self.settles = (self.settles - dt).max(0.0);
+        let Some(missed) = missed else {
+            self.struck();
+            return;
+        };
         if let Some(window) = &mut self.window {
+            window.missed += missed;
             window.reckoned = window.reckoned.advance(gyro_i, specific_force_i, dt);
             window.time += dt;
         }
@@ -108,6 +129,11 @@ impl CaptureWatch {
     /// Nothing can be told of the last moments: samples or poses were missing.
     pub(super) fn interrupt(&mut self) {
         self.window = None;
+    }
+
+    /// A blow, or readings beyond the IMU's range: the state may be wrong until poses have corrected it.
+    pub(super) fn struck(&mut self) {
+        (self.window, self.settles) = (None, SETTLES);
     }
 
     /// Once a tick in flight: whether the estimate, which follows poses, contradicts the motion by the IMU. `force_w` is
@@ -120,7 +146,7 @@ impl CaptureWatch {
     ) -> Option<Contradiction> {
         let rest = self.rest?;
         let state = estimator.navigation();
-        if estimator.is_modelled() {
+        if estimator.is_modelled() || self.settles > 0.0 {
             self.interrupt();
             return None;
         }
@@ -129,11 +155,13 @@ impl CaptureWatch {
         window.without = window.without.max(estimator.health().position_age);
         let window = *window;
         // Without poses the IMU's errors grow, and honest poses correct them.
+        let missed = MISSED * libm::sqrt(window.missed);
         let slack = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
+        let (slack, slack_velocity) = (slack + missed * window.time, slack + missed);
         let off_w = state.position_w - window.reckoned.position_w;
         let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
         let (far, fast) = CAPTURE_AGREES;
-        let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack;
+        let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack_velocity;
         if window.time > window.length {
             // Its attitude goes on by the gyro: that of the estimate may follow poses that stand still.
             let own = window.reckoned.rotation_wi;

@@ -42,8 +42,12 @@ impl Flight {
         for s in samples {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
-            self.capture.feel(&s.gyro_i, &s.specific_force_i, (s.time - last).max(0.0));
+            let dt = (s.time - last).max(0.0);
+            self.capture.feel(&s.gyro_i, &s.specific_force_i, self.estimator.missed_velocity(dt), dt);
             last = s.time;
+        }
+        if inertial.refused_now || inertial.saturated {
+            self.capture.struck();
         }
         let late = inertial.age(input.time) > IMU_LATE;
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
