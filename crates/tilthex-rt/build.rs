@@ -1,8 +1,8 @@
-//! Compiles `proto/` to the Rust messages, and to the descriptors that every log carries.
+//! Compiles `proto/`, messages that log viewers know, to Rust and to the descriptors that every log carries.
 
 use std::{env, error::Error, fs, path::PathBuf};
 
-const FILES: [&str; 3] = ["tilthex.proto", "foxglove/Log.proto", "foxglove/FrameTransform.proto"];
+const FILES: [&str; 2] = ["foxglove/Log.proto", "foxglove/FrameTransform.proto"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=proto");

@@ -19,16 +19,16 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tilthex._logged import State
+
 DEFAULT_PORT = 7410
 # The flight holds when it has not heard of its operator for `[supervisor] operator_timeout`, s.
 HEARTBEAT = 0.2
-
-State = dict[str, Any]
 
 
 class OrderRefused(ValueError):
@@ -207,7 +207,7 @@ class Flight:
         self._order("kill")
 
     def state(self) -> State:
-        """The newest state: a dict of numbers, texts and arrays, named as in the log.
+        """The newest state: a dict of numbers, texts and arrays; docs/log.md has a table of its keys.
 
         Raises:
             OrderRefused: the loop has not run a tick yet.
@@ -215,7 +215,7 @@ class Flight:
         state = self._order("state")["state"]
         if state is None:
             raise OrderRefused("the loop has not run a tick yet")
-        return _arrays(state)
+        return cast(State, _arrays(state))
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
         """States as they come, `rate` times a second (0.1 to 100), until the flight ends.
@@ -231,7 +231,7 @@ class Flight:
                 if message is None:
                     return
                 if message.get("state") is not None:
-                    yield _arrays(message["state"])
+                    yield cast(State, _arrays(message["state"]))
         finally:
             # The flight may have ended already.
             try:
@@ -250,7 +250,7 @@ class Flight:
             if message.get("id") == self._id:
                 break
             if message.get("state") is not None:
-                self._states.append(_arrays(message["state"]))
+                self._states.append(cast(State, _arrays(message["state"])))
         if "error" in message:
             raise OrderRefused(message["error"])
         return message
@@ -288,9 +288,9 @@ def _plain(way: dict[str, Any]) -> dict[str, Any]:
     return {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in way.items()}
 
 
-def _arrays(state: dict[str, Any]) -> State:
+def _arrays(state: dict[str, Any]) -> dict[str, Any]:
     """Lists of numbers become arrays, at any depth."""
-    out: State = {}
+    out: dict[str, Any] = {}
     for name, value in state.items():
         if isinstance(value, dict):
             out[name] = _arrays(value)

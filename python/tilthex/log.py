@@ -22,26 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _mcap
+from tilthex._logged import TOPICS
 
 Columns = dict[str, NDArray[Any]]
 
-TOPICS = {
-    "/state": "State",
-    "/setpoint": "Target",
-    "/reference": "Target",
-    "/wrench": "Wrenches",
-    "/control": "Control",
-    "/rotors": "Rotors",
-    "/flight": "Flight",
-    "/link": "Link",
-    "/model": "Model",
-    "/timing": "Timing",
-    "/input": "Input",
-    "/output": "Output",
-    "/command": "Command",
-    "/truth": "Truth",
-}
-"""The topics of a flight and the messages that they hold; units and frames stand in each schema."""
 GROUNDED = ("disarmed", "starting", "grounded")
 """Phases with the vehicle on the ground. The others: flying, holding, landing, emergency."""
 
@@ -55,8 +39,8 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
 
     Each topic's columns are named by the path of the field in the message, with a point between names:
     `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is when the message was
-    logged, s since 1970. Quaternions are (x, y, z, w). `phase` is a name: disarmed, starting, grounded,
-    flying, holding, landing or emergency.
+    logged, s since 1970. Quaternions are (x, y, z, w). `phase` and `given_up` are names. docs/log.md has all
+    topics and fields.
 
     Raises:
         ValueError: The file is no log of tilthex-rt, is damaged (with the place), or lacks a topic.
@@ -203,8 +187,9 @@ def _fields(prefix: str, descriptor: Any) -> Iterator[tuple[str, list[str], dict
         name = prefix + field.name
         if field.enum_type is not None:
             values = field.enum_type.values
-            # PHASE_FLYING is "flying".
-            yield name, [name], {v.number: v.name.partition("_")[2].lower() for v in values}
+            # PHASE_FLYING is "flying", PART_YAW_TORQUE is "yaw-torque".
+            texts = {v.number: v.name.partition("_")[2].lower().replace("_", "-") for v in values}
+            yield name, [name], texts
         elif field.message_type is None:
             if field.type not in (field.TYPE_STRING, field.TYPE_BYTES):
                 yield name, [name], None

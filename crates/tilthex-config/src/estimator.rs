@@ -41,12 +41,6 @@ section! {
         /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
         /// state.
         reacquire_after: f64 = 0.3 => "s" from 0.0 to 60.0,
-        /// Age of the newest accepted pose from which on the state counts as coasting.
-        coast_after: f64 = 0.1 => "s" from 0.0 to 60.0,
-        /// Deviation of the position from which on the state counts as lost.
-        lost_position: f64 = 0.3 => "m" from 1e-3 to 1e3,
-        /// Deviation of the rotation from which on the state counts as lost.
-        lost_rotation_deg: f64 = 12.0 => "degrees" from 0.06 to 57.0,
         /// Cut-off of the angular acceleration that corrects the IMU's lever arm.
         angular_acceleration_hz: f64 = 20.0 => "Hz" from 0.1 to 1000.0,
         /// Standard deviation of the first position, each axis.
@@ -96,9 +90,6 @@ impl EstimatorSection {
             history: self.history,
             latency: self.latency,
             reacquire_after: self.reacquire_after,
-            coast_after: self.coast_after,
-            lost_position: self.lost_position,
-            lost_rotation: self.lost_rotation_deg.to_radians(),
             angular_acceleration_hz: self.angular_acceleration_hz,
             initial: InitialDeviation {
                 position: self.initial_position,

@@ -11,6 +11,7 @@ mod flight;
 pub mod orders;
 mod plausible;
 mod reach;
+mod retired;
 mod section;
 mod sections;
 mod time_scales;
@@ -61,6 +62,8 @@ macro_rules! config {
             vehicle: VehicleSection,
             $( $name: $section, )*
             controller: ControllerParams,
+            /// What is said of keys that are no more.
+            retired: Vec<String>,
         }
 
         impl Config {
@@ -126,13 +129,17 @@ impl Config {
         overlay(&mut table, changes);
         match table.remove("vehicle") {
             Some(Value::Table(vehicle)) => {
-                Self::complete(VehicleSection::from_table(vehicle, Path::new(""))?, table)
+                let vehicle = VehicleSection::from_table(vehicle, Path::new(""))?;
+                let mut config = Self::complete(vehicle, table)?;
+                config.retired.extend(self.retired.iter().cloned());
+                Ok(config)
             }
             _ => Err(ConfigError::new("vehicle is not a table; expected its keys")),
         }
     }
 
-    fn complete(vehicle: VehicleSection, table: Table) -> Result<Self, ConfigError> {
+    fn complete(vehicle: VehicleSection, mut table: Table) -> Result<Self, ConfigError> {
+        let retired = retired::take(&mut table);
         macro_rules! names {
             ($($name:ident: $section:ty,)*) => { ["vehicle", $(stringify!($name)),*] };
         }
@@ -170,6 +177,7 @@ impl Config {
             orders: section::take(&mut table)?,
             log: section::take(&mut table)?,
             controller,
+            retired,
         };
         config.flight_params(false)?;
         config.check_latency()?;
@@ -202,11 +210,12 @@ impl Config {
         &self.controller
     }
 
-    /// One sentence for each pair of blocks whose poles are too close, for a spring without a potential, and for
-    /// numbers that are likely in another unit.
+    /// One sentence for each pair of blocks whose poles are too close, for a spring without a potential, for numbers
+    /// that are likely in another unit, and for keys that are no more.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
-        let mut warnings = plausible::questions(self.vehicle.vehicle());
+        let mut warnings = self.retired.clone();
+        warnings.extend(plausible::questions(self.vehicle.vehicle()));
         warnings.extend(time_scales::warnings(&self.controller));
         warnings.extend(control::spring_warning(&self.controller));
         warnings

@@ -2,7 +2,7 @@
 //! vehicle that no air carries, numbers in another unit.
 
 use super::{Config, ConfigError};
-use tilthex_core::{GRAVITY, Matrix3, Rotor, Vector3, Vehicle, allocation::Allocator, types::Vector6};
+use tilthex_core::{Matrix3, Rotor, Vector3, Vehicle, allocation::Allocator, types::Vector6};
 use tilthex_link::{Link, LinkParams, VehicleLink};
 
 /// Poses that are older than 0.1 s count as lost (docs/faults.md); with the time between two of them and their
@@ -77,7 +77,7 @@ impl Config {
     /// Refuses a vehicle that its rotors, within their limits, do not hold in the air in any attitude.
     pub(super) fn check_hover(&self) -> Result<(), ConfigError> {
         let vehicle = self.vehicle.vehicle();
-        let weight = vehicle.mass() * GRAVITY;
+        let weight = vehicle.weight();
         let allocator = Allocator::new(vehicle);
         let carried = |up: &Vector3| {
             let mut wrench = Vector6::zeros();

@@ -99,6 +99,9 @@ fn numbers_in_another_unit_are_questioned() {
         read(&format!("vehicle.preset = \"tilt-hex\"\n{text}")).expect("valid").warnings().join("; ")
     };
     assert_eq!(warnings(""), "");
+    let retired = warnings("estimator.coast_after = 0.2\nestimator.lost_position = 1.0");
+    assert!(retired.contains("[estimator] coast_after has no effect"), "{retired}");
+    assert!(retired.contains("[estimator] lost_position has no effect"), "{retired}");
     assert!(warnings("vehicle.mass = 240.0").contains("in grams?"));
     assert!(warnings("vehicle.inertia = [11500.0, 11400.0, 19400.0]").contains("in kg m^2?"));
     assert!(warnings("vehicle.inertia = [1.15e-8, 1.14e-8, 1.94e-8]").contains("in kg m^2?"));

@@ -4,7 +4,7 @@ mod corrected;
 mod rotor;
 
 use crate::{
-    Error, GRAVITY,
+    Error,
     error::check_range,
     so3,
     types::{MAX_ROTORS, Matrix3, RotorVector, Vector3},
@@ -255,7 +255,7 @@ impl Vehicle {
     /// contact, before any limit.
     #[must_use]
     pub fn hover_speeds(&self, rotation_wr: &Matrix3) -> RotorVector {
-        let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, self.mass * GRAVITY);
+        let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, self.weight());
         let wrench = crate::Wrench { force: weight_r, torque: Vector3::zeros() };
         speeds(&(self.allocation_inverse * wrench.to_vector()))
     }
@@ -323,6 +323,7 @@ fn redundant_rotor(a: &Allocation, count: usize, rank: usize) -> usize {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::GRAVITY;
     use std::string::ToString;
 
     /// The paper's table 1 with the published rotor figures (docs/laws.md).

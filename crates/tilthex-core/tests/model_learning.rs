@@ -46,7 +46,7 @@ fn held(truth: &Vehicle, rotation_wr: &Matrix3, external: &Wrench) -> RotorVecto
 /// What `model` takes for contact in a hover of `truth`, robot.
 fn false_wrench(model: &Vehicle, truth: &Vehicle, rotation_wr: &Matrix3) -> Wrench {
     let given = Wrench::from_vector(&(model.allocation() * inputs(&held(truth, rotation_wr, &Wrench::ZERO))));
-    let up = rotation_wr.transpose() * Vector3::new(0.0, 0.0, model.mass() * GRAVITY);
+    let up = rotation_wr.transpose() * Vector3::new(0.0, 0.0, model.weight());
     Wrench { force: up - given.force, torque: -given.torque }
 }
 

@@ -82,7 +82,7 @@ proptest! {
     ) {
         // Held still: the rotors carry the weight and the external wrench.
         let observer = observer(&vehicle, l, k);
-        let force_r = rotation_wr.transpose() * (Vector3::new(0.0, 0.0, GRAVITY * vehicle.mass()) - external.force);
+        let force_r = rotation_wr.transpose() * (Vector3::new(0.0, 0.0, vehicle.weight()) - external.force);
         let wrench_r = Wrench { force: force_r, torque: -external.torque }.to_vector();
         let input = ObserverInput {
             rotation_wr,

@@ -6,13 +6,11 @@ mod common;
 
 use common::{rotation, tilt_hex, vector};
 use proptest::prelude::*;
-use tilthex_core::{
-    GRAVITY, Matrix3, Rotor, Vector3, Vehicle, rotor_room::RotorRoom, so3, vehicle::Mounting,
-};
+use tilthex_core::{Matrix3, Rotor, Vector3, Vehicle, rotor_room::RotorRoom, so3, vehicle::Mounting};
 
 /// Least distance of a hover's rotor inputs from their limits, parts of the range.
 fn least_room(vehicle: &Vehicle, rotation_wr: &Matrix3) -> f64 {
-    let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, vehicle.mass() * GRAVITY);
+    let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, vehicle.weight());
     let inputs = vehicle.allocation_inverse().fixed_columns::<3>(0) * weight_r;
     let room = |(r, u): (&Rotor, &f64)| {
         let (lower, upper) = (r.min_speed * r.min_speed.abs(), r.max_speed * r.max_speed.abs());

@@ -13,12 +13,14 @@ use crate::output;
 pub enum Kind {
     /// Usage or configuration: 2.
     Usage,
-    /// The vehicle's link, or the world behind a simulated vehicle: 3.
+    /// The vehicle's link, motion capture, or the world behind a simulated vehicle: 3.
     Link,
     /// A fault ended the flight, the vehicle landed: 4.
     Fault,
     /// A log breaks off, what is there of it is good: 5.
     Incomplete,
+    /// This computer denies what the program needs (a thread, a signal handler, real-time rights, its output): 6.
+    Machine,
     /// Interrupted, the vehicle landed: 130.
     Interrupted,
 }
@@ -38,7 +40,7 @@ impl Failure {
         Self { kind: Kind::Usage, message: message.into() }
     }
 
-    /// An error of the vehicle's link.
+    /// An error of the vehicle's link, of motion capture or of a world.
     pub fn link(message: impl Into<String>) -> Self {
         Self { kind: Kind::Link, message: message.into() }
     }
@@ -46,6 +48,11 @@ impl Failure {
     /// A fault that ended the flight.
     pub fn fault(message: impl Into<String>) -> Self {
         Self { kind: Kind::Fault, message: message.into() }
+    }
+
+    /// What this computer denies.
+    pub fn machine(message: impl Into<String>) -> Self {
+        Self { kind: Kind::Machine, message: message.into() }
     }
 
     /// The documented exit status.
@@ -56,6 +63,7 @@ impl Failure {
             Kind::Link => 3,
             Kind::Fault => 4,
             Kind::Incomplete => 5,
+            Kind::Machine => 6,
             Kind::Interrupted => 130,
         }
     }
@@ -75,6 +83,13 @@ impl From<ConfigError> for Failure {
     }
 }
 
+impl From<tilthex_core::Error> for Failure {
+    fn from(error: tilthex_core::Error) -> Self {
+        Self::usage(error.to_string())
+    }
+}
+
+/// Of an address that cannot be; a source that does not answer is a failure of the link.
 impl From<SourceError> for Failure {
     fn from(error: SourceError) -> Self {
         Self::usage(error.to_string())

@@ -104,7 +104,7 @@ pub(crate) fn settle() {
 pub(crate) fn print(text: &str) -> Result<(), crate::Failure> {
     let mut out = stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(crate::Failure::usage(format!(
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(crate::Failure::machine(format!(
             "the output cannot be written: {e}; name another place for it"
         ))),
         _ => Ok(()),

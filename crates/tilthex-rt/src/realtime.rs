@@ -72,7 +72,7 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     touch_stack();
     rights.held = stay_awake();
     match (demand, rights.warnings.first()) {
-        (Demand::Require, Some(first)) => Err(Failure::usage(first.clone())),
+        (Demand::Require, Some(first)) => Err(Failure::machine(first.clone())),
         _ => Ok(rights),
     }
 }

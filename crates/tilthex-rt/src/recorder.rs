@@ -174,7 +174,7 @@ impl Recorder {
             .name("recorder".into())
             .stack_size(512 * 1024)
             .spawn(move || worker.run())
-            .map_err(|e| Failure::usage(format!("the recorder's thread cannot be started: {e}")))?;
+            .map_err(|e| Failure::machine(format!("the recorder's thread cannot be started: {e}")))?;
         Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
     }
 

@@ -2,17 +2,17 @@
 
 use std::{collections::VecDeque, path::Path};
 
-use prost::{Message, Name};
+use prost::Message;
 use tilthex_config::{
     Config,
     orders::{self, Orders},
 };
-use tilthex_core::{PoseSample, flight::HostFacts};
 use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
+use tilthex_sim::feed::{Tick, Timing};
 
 use crate::{
     Failure,
-    log::{Channel, LogReader, TickMessages, convert::pose_from, messages as m},
+    log::{Channel, LogReader, messages as m, schema, tick_messages},
 };
 
 /// What a replay found.
@@ -80,12 +80,13 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
 
 /// Refuses somebody else's channel under a name of ours.
 fn check(channel: &Channel) -> Result<(), String> {
-    let expected = match channel.topic.as_str() {
-        "/input" => m::Input::full_name(),
-        "/output" => m::Output::full_name(),
-        "/command" => m::Command::full_name(),
+    let message = match channel.topic.as_str() {
+        "/input" => "Input",
+        "/output" => "Output",
+        "/command" => "Command",
         _ => return Ok(()),
     };
+    let expected = schema::full_name(message);
     if channel.schema == expected && channel.encoding == "protobuf" {
         return Ok(());
     }
@@ -143,25 +144,17 @@ impl Replayer {
         } else {
             None
         };
-        let poses: Option<Vec<PoseSample>> = input.poses.iter().map(pose_from).collect();
-        let poses = poses.ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
-        let host = HostFacts {
-            land: input.land,
-            kill: input.kill,
-            operator_silent: input.operator_silent,
-            link_lost: input.link_lost,
-            log_lost: input.log_lost,
-        };
+        let poses = input.poses().ok_or_else(|| format!("a pose of tick {} is damaged", input.tick))?;
         let tick = WireInput {
             time: input.time,
             bytes: &input.link,
             poses: &poses,
             command: command.as_ref(),
-            host,
+            host: input.host(),
         };
         self.linked.tick(&tick, &mut self.out);
         self.found.ticks += 1;
-        let again = TickMessages::new(&self.out.commanded.record, &self.out.wire, self.rotor_count).encoded();
+        let again = tick_messages(&Tick::new(&self.out, Timing::default()), self.rotor_count);
         if again.len() != recorded.len() {
             return Err(format!(
                 "tick {} has {} messages; expected {}",

@@ -58,10 +58,11 @@ pub(crate) fn land_or_ignore(land: &Arc<AtomicBool>) -> Result<(), Failure> {
             Land => set_by(signal, land),
             Ignore => sys::ignore(signal),
         }
-        .map_err(|e| Failure::usage(format!("{name} cannot be handled: {e}")))?;
+        .map_err(|e| Failure::machine(format!("{name} cannot be handled: {e}")))?;
     }
     for signal in libc::SIGRTMIN()..=libc::SIGRTMAX() {
-        sys::ignore(signal).map_err(|e| Failure::usage(format!("signal {signal} cannot be ignored: {e}")))?;
+        sys::ignore(signal)
+            .map_err(|e| Failure::machine(format!("signal {signal} cannot be ignored: {e}")))?;
     }
     Ok(())
 }
@@ -74,7 +75,7 @@ pub(crate) fn flag() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in ENDING {
         set_by(signal, &flag)
-            .map_err(|e| Failure::usage(format!("signal {signal} cannot be handled: {e}")))?;
+            .map_err(|e| Failure::machine(format!("signal {signal} cannot be handled: {e}")))?;
     }
     Ok(flag)
 }

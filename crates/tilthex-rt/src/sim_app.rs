@@ -89,8 +89,7 @@ pub fn run() -> Result<(), Failure> {
     let config = match &args.config {
         Some(path) => Config::from_file(path),
         None => VehicleSection::preset("tilt-hex").map(Config::default_for),
-    }
-    .map_err(|e| Failure::usage(e.to_string()))?;
+    }?;
     let server = start(&args, &config)?;
     let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
     say!("{}", server.path().display());
@@ -112,7 +111,7 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let Some(experiment) = &args.world else {
         let truth = TruthSection::named(&args.truth);
         let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
-        let drawn = drawn.map_err(|e| Failure::usage(e.to_string()))?;
+        let drawn = drawn?;
         // `[truth.delays]` has the mean of a uniform latency and half its width; a line its smallest and its width.
         let half = drawn.delays.pose_jitter.unwrap_or(0.0);
         let line = ((drawn.delays.pose.unwrap_or(0.008 + half) - half).max(0.0), 2.0 * half);
@@ -158,10 +157,9 @@ fn serve<B: Body + Send + 'static>(
         ("--mocap-jitter", line.jitter, 10.0),
         ("--mocap-loss", line.loss, 1.0),
     ] {
-        tilthex_core::error::check_range(name, value, 0.0, most)
-            .map_err(|e| Failure::usage(e.to_string()))?;
+        tilthex_core::error::check_range(name, value, 0.0, most)?;
     }
-    let up_axis = config.mocap().up_axis().map_err(|e| Failure::usage(e.to_string()))?;
+    let up_axis = config.mocap().up_axis()?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation<B>| {

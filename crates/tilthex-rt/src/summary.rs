@@ -2,6 +2,7 @@
 
 use tilthex_core::{
     Vector3,
+    allocation::Priority,
     supervisor::{FaultSet, Phase},
 };
 
@@ -79,6 +80,10 @@ pub struct Statistics {
     pub force: Deviation,
     /// The last steady push.
     pub deflection: Option<Deflection>,
+    /// Estimated latency of poses in flight, s.
+    pub latency: Deviation,
+    /// For how long each part of the wanted wrench was the most important one given up in flight, s.
+    pub given_up: Vec<(Priority, f64)>,
     /// Faults there have been in flight.
     pub faults: FaultSet,
     /// The loop was in flight.
@@ -109,6 +114,8 @@ impl Statistics {
         self.flew |= record.phase.in_flight();
         if record.phase.in_flight() {
             self.faults.0 |= record.faults.0;
+            self.latency.add(record.latency);
+            self.give_up(record.given_up, record.dt);
         }
         let lands = matches!(record.phase, Phase::Landing | Phase::Emergency);
         if lands && self.landing_for.is_empty() {
@@ -121,6 +128,14 @@ impl Statistics {
         let Some(truth) = self.truth.filter(|_| record.compliant) else { return };
         self.force.add((record.wrench_tool_w.force - truth.tool_wrench_w.force).norm());
         self.push(record.input.time, &truth, &(truth.tool_position_w - record.setpoint.position_w));
+    }
+
+    fn give_up(&mut self, part: Option<Priority>, seconds: f64) {
+        let Some(part) = part else { return };
+        match self.given_up.iter_mut().find(|(known, _)| *known == part) {
+            Some((_, sum)) => *sum += seconds,
+            None => self.given_up.push((part, seconds)),
+        }
     }
 
     fn push(&mut self, now: f64, truth: &Truth, deflection_w: &Vector3) {

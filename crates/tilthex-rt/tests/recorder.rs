@@ -14,7 +14,7 @@ use tilthex_core::{
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_rt::{
-    log::{Attachments, LogFile, messages},
+    log::{Attachments, LogFile},
     recorder::{Recorder, RecorderParams},
 };
 use tilthex_sim::feed::Tick;
@@ -35,12 +35,19 @@ fn tick(number: u64) -> Tick {
     Tick { record, ..Tick::default() }
 }
 
+/// What a message of the channel `/flight` begins with.
+#[derive(Clone, PartialEq, Message)]
+struct Flight {
+    #[prost(uint64, tag = "1")]
+    tick: u64,
+}
+
 /// Ticks of the channel `/flight`.
 fn ticks(path: &Path) -> Vec<u64> {
     let bytes = fs::read(path).expect("a file");
     let messages = MessageStream::new(&bytes).expect("a log").map(|m| m.expect("whole"));
     let flight = messages.filter(|m| m.channel.topic == "/flight");
-    flight.map(|m| messages::Flight::decode(&*m.data).expect("decodes").tick).collect()
+    flight.map(|m| Flight::decode(&*m.data).expect("decodes").tick).collect()
 }
 
 #[test]

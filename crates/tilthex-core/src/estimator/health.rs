@@ -1,6 +1,6 @@
 //! What the supervisor and the log want to know about the estimate.
 
-/// How far the state can be trusted.
+/// How far the state can be trusted, by the limits of the supervisor's faults "pose lost" and "estimate uncertain".
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
     /// No pose has started it.
@@ -8,9 +8,9 @@ pub enum Status {
     Uninitialized,
     /// Poses come and pass.
     Tracking,
-    /// The newest accepted pose is older than `coast_after`: the IMU alone carries the state.
+    /// The newest pose whose position was applied is older than `POSE_LOST`: the IMU alone carries the state.
     Coasting,
-    /// The covariance is past `lost_position` or `lost_rotation`.
+    /// The covariance is past `POSITION_DEVIATION` or `VELOCITY_DEVIATION`.
     Lost,
 }
 

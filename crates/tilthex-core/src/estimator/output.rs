@@ -7,6 +7,7 @@ use super::{
 };
 use crate::{
     so3,
+    supervisor::limits::{POSE_LOST, POSITION_DEVIATION, VELOCITY_DEVIATION},
     types::{RobotState, Vector3},
     ukf::{Covariance, Navigation},
 };
@@ -143,22 +144,19 @@ impl Estimator {
     pub fn health(&self) -> Health {
         let now = self.now();
         let [position_deviation, velocity_deviation, rotation_deviation] = self.head.state.deviations();
-        let pose_age = now - self.newest_pose;
-        let status = if !self.initialized {
-            Status::Uninitialized
-        } else if position_deviation > self.params.lost_position
-            || rotation_deviation > self.params.lost_rotation
-        {
-            Status::Lost
-        } else if pose_age > self.params.coast_after {
-            Status::Coasting
-        } else {
-            Status::Tracking
+        let position_age = now - self.newest_position;
+        // A NaN is lost too.
+        let certain = position_deviation <= POSITION_DEVIATION && velocity_deviation <= VELOCITY_DEVIATION;
+        let status = match (self.initialized, certain) {
+            (false, _) => Status::Uninitialized,
+            (true, false) => Status::Lost,
+            (true, true) if position_age > POSE_LOST => Status::Coasting,
+            (true, true) => Status::Tracking,
         };
         Health {
             status,
-            pose_age,
-            position_age: now - self.newest_position,
+            pose_age: now - self.newest_pose,
+            position_age,
             latency: self.latency,
             latency_deviation: self.latency_deviation,
             nis: self.nis,

@@ -37,12 +37,6 @@ pub struct EstimatorParams {
     /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
     /// state, s.
     pub reacquire_after: f64,
-    /// Age of the newest accepted pose at which the state counts as coasting, s.
-    pub coast_after: f64,
-    /// Deviation (root of the summed variances) of the position at which the state counts as lost, m.
-    pub lost_position: f64,
-    /// Deviation of the rotation at which the state counts as lost, rad.
-    pub lost_rotation: f64,
     /// Cut-off of the angular acceleration that the lever arm needs, Hz.
     pub angular_acceleration_hz: f64,
     /// Deviations of the state that a pose initialises.
@@ -65,9 +59,6 @@ impl Default for EstimatorParams {
             history: 0.3,
             latency: 0.0,
             reacquire_after: 0.3,
-            coast_after: 0.1,
-            lost_position: 0.3,
-            lost_rotation: 12f64.to_radians(),
             angular_acceleration_hz: 20.0,
             initial: InitialDeviation::default(),
             rest: RestParams::default(),
@@ -104,9 +95,6 @@ impl EstimatorParams {
         check_range("history", self.history, 0.02, 1.0)?;
         check_range("latency", self.latency, -0.05, 0.5 * self.history)?;
         check_range("reacquire_after", self.reacquire_after, 0.0, 60.0)?;
-        check_range("coast_after", self.coast_after, 0.0, 60.0)?;
-        check_range("lost_position", self.lost_position, 1e-3, 1e3)?;
-        check_range("lost_rotation", self.lost_rotation, 1e-3, 1.0)?;
         check_range("angular_acceleration_hz", self.angular_acceleration_hz, 0.1, 1e3)?;
         for (name, v) in [("imu_position", self.imu_position_r), ("body_position", self.body_position_r)] {
             if !is_finite3(&v) {

@@ -5,6 +5,7 @@ use super::{
     io::{HostFacts, MAX_POSES, Measured},
 };
 use crate::{
+    allocation::Priority,
     supervisor::{FaultSet, Phase},
     types::{Matrix3, PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
@@ -98,6 +99,8 @@ pub struct Record {
     pub compliant: bool,
     /// Whether a rotor is at a limit.
     pub saturated: bool,
+    /// The most important part of the wanted wrench that the rotors do not give.
+    pub given_up: Option<Priority>,
     /// Whether the admittance filter is at its excursion limit.
     pub excursion_limited: bool,
     /// Commanded rotor speeds, Hz.
@@ -157,6 +160,7 @@ impl Default for Record {
             rotation_error_r: zero,
             compliant: false,
             saturated: false,
+            given_up: None,
             excursion_limited: false,
             rotor_command: RotorVector::zeros(),
             rotor_speeds: RotorVector::zeros(),
@@ -208,6 +212,7 @@ impl Flight {
             record.rotation_error_r = o.pose.rotation_error_r;
             record.compliant = o.compliant;
             record.saturated = o.allocation.saturated;
+            record.given_up = o.allocation.given_up;
             record.excursion_limited = o.excursion_limited;
         }
         record.rotor_command = self.command;

@@ -3,7 +3,7 @@
 use super::{Telemetry, io::HostFacts, record::LinkCounters};
 use crate::{
     controller::ControllerOutput,
-    estimator::{Estimator, Health},
+    estimator::{Estimator, Health, Status},
     so3,
     supervisor::{Fault, FaultSet, Phase, limits as l},
     types::RobotState,
@@ -195,10 +195,7 @@ impl Watch {
         set.insert_if(Fault::PoseLostForGood, age > l::POSE_LOST_FOR_GOOD);
         set.insert_if(Fault::PoseJumping, self.refused_in_a_row >= l::POSES_REFUSED);
         set.insert_if(Fault::EstimateInconsistent, health.nis_mean > l::INCONSISTENCY);
-        // A NaN is uncertain too.
-        let certain = health.position_deviation <= l::POSITION_DEVIATION
-            && health.velocity_deviation <= l::VELOCITY_DEVIATION;
-        set.insert_if(Fault::EstimateUncertain, !certain);
+        set.insert_if(Fault::EstimateUncertain, health.status == Status::Lost);
     }
 
     fn motion(&mut self, seen: &Seen<'_>, set: &mut FaultSet) {

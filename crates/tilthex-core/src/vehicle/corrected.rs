@@ -1,10 +1,7 @@
 //! A vehicle after a correction of its model, made within a tick: bounded work, no failure, no panic.
 
 use super::{Allocation, AllocationInverse, Rotor, Vehicle, rotor::column};
-use crate::{
-    GRAVITY,
-    types::{MAX_ROTORS, RotorVector, Vector3},
-};
+use crate::types::{MAX_ROTORS, RotorVector, Vector3};
 
 /// Steps of Newton's iteration for the pseudo-inverse; a matrix with a condition number of 1000 needs 27.
 const STEPS: usize = 40;
@@ -91,7 +88,7 @@ impl Vehicle {
 
     /// Rotor inputs, Hz^2, of a hover whose upward direction is `up_r`, robot, before any limit.
     pub(crate) fn hover_inputs(&self, up_r: &Vector3) -> RotorVector {
-        self.allocation_inverse.fixed_columns::<3>(0) * (up_r * (self.mass * GRAVITY))
+        self.allocation_inverse.fixed_columns::<3>(0) * (up_r * self.weight())
     }
 }
 

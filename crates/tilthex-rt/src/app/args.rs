@@ -175,8 +175,7 @@ impl Args {
         change("link", "baud", self.baud.map(|baud| i64::from(baud).into()));
         change("mocap", "uri", self.mocap.clone().map(Value::String));
         change("log", "path", self.log.as_ref().map(|path| path.display().to_string().into()));
-        let config =
-            read().and_then(|config| config.overlaid(changes)).map_err(|e| Failure::usage(e.to_string()))?;
+        let config = read().and_then(|config| config.overlaid(changes))?;
         if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
             return Err(Failure::usage("--duration is not a time; expected seconds from 0 on"));
         }

@@ -45,7 +45,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     for warning in config.warnings() {
         output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
-    let params = config.linked_params(args.take_off).map_err(|e| Failure::usage(e.to_string()))?;
+    let params = config.linked_params(args.take_off)?;
     let trajectory = args.trajectory.as_deref().map(orders::read_file).transpose()?;
     let route = match (&trajectory, &args.trajectory) {
         (Some(text), Some(path)) => {
@@ -54,7 +54,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
         _ => None,
     };
-    let linked = LinkedFlight::new(params, route).map_err(|e| Failure::usage(e.to_string()))?;
+    let linked = LinkedFlight::new(params, route)?;
     let flags = Flags::default();
     signals::land_or_ignore(&flags.interrupted)?;
     let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
@@ -62,7 +62,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         LogFile::check(path, args.overwrite)?;
     }
     let token = args.token()?;
-    let client = config.mocap().client().map_err(|e| Failure::usage(e.to_string()))?;
+    let client = config.mocap().client()?;
     args.check_start(&config)?;
     // A log is begun, and an old one replaced, when there is somebody to fly.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
@@ -151,7 +151,7 @@ impl Peers {
         let port = Port::open(&name, baud)?;
         let (client, poses) = match uri {
             Some(uri) => {
-                let (client, poses) = Client::start(uri, client)?;
+                let (client, poses) = Client::start(uri, client).map_err(|e| Failure::link(e.to_string()))?;
                 (Some(client), poses)
             }
             None => (None, RingBuffer::new(1).1),
@@ -186,8 +186,9 @@ fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Runn
             }
             drop(held);
         })
-        .map_err(|e| Failure::usage(format!("the loop's thread cannot be started: {e}")))?;
-    let warnings = rights.recv().map_err(|_| Failure::usage("the loop's thread ended before it began"))??;
+        .map_err(|e| Failure::machine(format!("the loop's thread cannot be started: {e}")))?;
+    let warnings =
+        rights.recv().map_err(|_| Failure::machine("the loop's thread ended before it began"))??;
     for warning in warnings {
         output::error(format_args!("tilthex-rt: warning: {warning}"));
     }
@@ -224,7 +225,7 @@ fn simulate(
 ) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
     let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
-    let mut params = SimulationParams::of(&drawn.map_err(|e| Failure::usage(e.to_string()))?)?;
+    let mut params = SimulationParams::of(&drawn?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }

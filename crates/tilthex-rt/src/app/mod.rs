@@ -62,7 +62,7 @@ pub fn run() -> Result<(), Failure> {
         }
         Some(Action::Campaign { number, seed, faults, truth }) => {
             let kinds = if faults.is_empty() { Kind::ALL } else { faults };
-            let truth = TruthSection::named(truth).map_err(|e| Failure::usage(e.to_string()))?;
+            let truth = TruthSection::named(truth)?;
             fly_campaign(&args.config()?, &truth, kinds, *number, *seed)
         }
     }

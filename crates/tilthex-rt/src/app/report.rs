@@ -50,6 +50,17 @@ pub(super) fn print(
             1e3 * s.tracking.max
         );
     }
+    if s.flew {
+        say!(
+            "latency of poses    {:.1} ms from capture to arrival, {:.1} ms at most",
+            1e3 * s.latency.rms(),
+            1e3 * s.latency.max
+        );
+        let parts: Vec<_> =
+            s.given_up.iter().map(|(part, seconds)| format!("{} for {seconds:.2} s", part.name())).collect();
+        let given_up = if parts.is_empty() { "nothing".into() } else { parts.join(", ") };
+        say!("given up            {given_up}: what the rotors' limits did not let the vehicle have");
+    }
     if simulated.is_some() && s.flew {
         say!(
             "tool force          estimate {:.3} N rms off the true one, {:.2} N at most",

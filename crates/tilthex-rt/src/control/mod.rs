@@ -25,6 +25,7 @@ use std::{
 
 pub use address::DEFAULT_ADDRESS;
 pub use desk::Desk;
+pub use state::BESIDES;
 pub use token::Token;
 
 use address::{Address, Listener, Stream};
@@ -64,7 +65,7 @@ impl ControlSocket {
     /// without a token.
     pub fn start(address: &str, token: Option<Token>, desk: Desk) -> Result<Self, Failure> {
         let listener = Address::parse(address, token.is_some())?.listen()?;
-        let failed = |e: io::Error| Failure::usage(format!("the control socket cannot be served: {e}"));
+        let failed = |e: io::Error| Failure::machine(format!("the control socket cannot be served: {e}"));
         let address = listener.name().map_err(failed)?;
         let shared =
             Arc::new(Shared { desk, token, stop: AtomicBool::new(false), refused: AtomicU64::new(0) });

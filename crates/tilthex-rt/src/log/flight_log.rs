@@ -3,11 +3,14 @@
 use std::io::Write;
 
 use mcap::McapError;
+use prost::{Message, Name};
 use tilthex_core::supervisor::{FaultSet, Phase, TABLE};
 
 use super::{
-    convert::{self, TickMessages},
-    messages::{self as m, foxglove},
+    messages::{FOXGLOVE, foxglove},
+    schema::{DESCRIPTORS, full_name},
+    values::{COMMAND, Order, REPLAYED, TIMED, TRUTH},
+    viewers,
     writer::{Index, LogWriter, Stamp, Topic},
 };
 use tilthex_sim::{Truth, feed::Tick};
@@ -67,22 +70,26 @@ pub struct FlightLog<W: Write> {
 
 #[derive(Clone, Copy)]
 struct Topics {
-    state: Topic,
-    setpoint: Topic,
-    reference: Topic,
-    wrench: Topic,
-    control: Topic,
-    rotors: Topic,
-    flight: Topic,
-    link: Topic,
-    model: Topic,
+    of_a_tick: [Topic; REPLAYED.len()],
     timing: Topic,
-    input: Topic,
-    output: Topic,
     command: Topic,
     truth: Topic,
     lines: Topic,
     transforms: Topic,
+}
+
+/// The topic and the message of a tick on it.
+pub type TickMessage = (&'static str, Vec<u8>);
+
+/// The messages of a tick that follow from its inputs, in the order in which they are logged, for a vehicle's number of
+/// rotors.
+#[must_use]
+pub fn tick_messages(tick: &Tick, rotor_count: usize) -> [TickMessage; REPLAYED.len()] {
+    std::array::from_fn(|i| {
+        let mut message = Vec::new();
+        REPLAYED[i].encode(tick, rotor_count, &mut message);
+        (REPLAYED[i].topic, message)
+    })
 }
 
 impl<W: Write> FlightLog<W> {
@@ -98,24 +105,16 @@ impl<W: Write> FlightLog<W> {
         attachments: &Attachments,
     ) -> Result<Self, McapError> {
         let mut log = LogWriter::new(file, index)?;
-        let topics = Topics {
-            state: log.topic::<m::State>("/state")?,
-            setpoint: log.topic::<m::Target>("/setpoint")?,
-            reference: log.topic::<m::Target>("/reference")?,
-            wrench: log.topic::<m::Wrenches>("/wrench")?,
-            control: log.topic::<m::Control>("/control")?,
-            rotors: log.topic::<m::Rotors>("/rotors")?,
-            flight: log.topic::<m::Flight>("/flight")?,
-            link: log.topic::<m::Link>("/link")?,
-            model: log.topic::<m::Model>("/model")?,
-            timing: log.topic::<m::Timing>("/timing")?,
-            input: log.topic::<m::Input>("/input")?,
-            output: log.topic::<m::Output>("/output")?,
-            command: log.topic::<m::Command>("/command")?,
-            truth: log.topic::<m::Truth>("/truth")?,
-            lines: log.topic::<foxglove::Log>("/log")?,
-            transforms: log.topic::<foxglove::FrameTransform>("/tf")?,
-        };
+        let mut topic = |topic, message: &str| log.topic(topic, &full_name(message), &DESCRIPTORS);
+        let timing = topic(TIMED.topic, TIMED.message())?;
+        let mut of_a_tick = [timing; REPLAYED.len()];
+        for (slot, channel) in of_a_tick.iter_mut().zip(&REPLAYED) {
+            *slot = topic(channel.topic, channel.message())?;
+        }
+        let (command, truth) = (topic("/command", COMMAND.name)?, topic("/truth", TRUTH.name)?);
+        let lines = log.topic("/log", &foxglove::Log::full_name(), FOXGLOVE)?;
+        let transforms = log.topic("/tf", &foxglove::FrameTransform::full_name(), FOXGLOVE)?;
+        let topics = Topics { of_a_tick, timing, command, truth, lines, transforms };
         let begun = epoch.unix_ns(0.0);
         log.attach(CONFIG, TOML, attachments.config.as_bytes(), begun)?;
         if let Some(trajectory) = &attachments.trajectory {
@@ -136,38 +135,21 @@ impl<W: Write> FlightLog<W> {
     /// # Errors
     /// What the file says.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
-        let (t, record, timing) = (self.topics, &tick.record, &tick.timing);
+        let (t, record) = (self.topics, &tick.record);
         let publish = self.epoch.unix_ns(record.input.time);
-        let stamp = Stamp { publish, log: publish + timing.compute };
-        let messages = TickMessages::new(record, &tick.wire, self.rotor_count);
-        let log = &mut self.log;
-        log.put(t.state, stamp, &messages.state)?;
-        log.put(t.setpoint, stamp, &messages.setpoint)?;
-        log.put(t.reference, stamp, &messages.reference)?;
-        log.put(t.wrench, stamp, &messages.wrench)?;
-        log.put(t.control, stamp, &messages.control)?;
-        log.put(t.rotors, stamp, &messages.rotors)?;
-        log.put(t.flight, stamp, &messages.flight)?;
-        log.put(t.link, stamp, &messages.link)?;
-        log.put(t.model, stamp, &messages.model)?;
-        log.put(t.input, stamp, &messages.input)?;
-        log.put(t.output, stamp, &messages.output)?;
-        let timing = m::Timing {
-            wake_latency: timing.wake_latency,
-            compute: timing.compute,
-            period: timing.period,
-            skipped: timing.skipped,
-            imu_to_command: timing.imu_to_command,
-            polls: timing.polls,
-            short_writes: timing.short_writes,
-        };
-        log.put(t.timing, stamp, &timing)?;
+        let stamp = Stamp { publish, log: publish + tick.timing.compute };
+        let (log, rotor_count) = (&mut self.log, self.rotor_count);
+        for (topic, channel) in t.of_a_tick.iter().zip(&REPLAYED) {
+            log.put(*topic, stamp, |out| channel.encode(tick, rotor_count, out))?;
+        }
+        log.put(t.timing, stamp, |out| TIMED.encode(tick, rotor_count, out))?;
         if record.tick.is_multiple_of(TRANSFORM_EVERY) {
             let reference = &record.reference;
-            log.put(t.transforms, stamp, &convert::robot_transform(publish, &record.state))?;
+            let robot = viewers::robot_transform(publish, &record.state);
+            log.put(t.transforms, stamp, |out| robot.encode_raw(out))?;
             let reference =
-                convert::transform(publish, "tool_reference", &reference.position_w, &reference.rotation_we);
-            log.put(t.transforms, stamp, &reference)?;
+                viewers::transform(publish, "tool_reference", &reference.position_w, &reference.rotation_we);
+            log.put(t.transforms, stamp, |out| reference.encode_raw(out))?;
         }
         self.changes(tick, stamp)
     }
@@ -176,7 +158,7 @@ impl<W: Write> FlightLog<W> {
     fn changes(&mut self, tick: &Tick, stamp: Stamp) -> Result<(), McapError> {
         let record = &tick.record;
         if let Some((severity, text)) = tick.wire.text {
-            self.line_at(stamp, convert::level(severity), "vehicle", text.to_string())?;
+            self.line_at(stamp, viewers::level(severity), "vehicle", text.to_string())?;
         }
         let level = foxglove::log::Level::Warning;
         for row in FaultSet(record.faults.0 & !self.last_faults.0).rows() {
@@ -200,7 +182,8 @@ impl<W: Write> FlightLog<W> {
         name: &str,
         text: String,
     ) -> Result<(), McapError> {
-        self.log.put(self.topics.lines, stamp, &convert::line(stamp.publish, level, name, text))
+        let line = viewers::line(stamp.publish, level, name, text);
+        self.log.put(self.topics.lines, stamp, |out| line.encode_raw(out))
     }
 
     /// Logs an order, as it was given at a monotonic time in seconds; an urgent one is a flag of the next input.
@@ -209,11 +192,9 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn command(&mut self, time: f64, json: &str, urgent: bool) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        self.log.put(
-            self.topics.command,
-            Stamp { publish: at, log: at },
-            &m::Command { json: json.into(), urgent },
-        )
+        let order = Order { json: json.into(), urgent };
+        let stamp = Stamp { publish: at, log: at };
+        self.log.put(self.topics.command, stamp, |out| COMMAND.encode(&order, 0, out))
     }
 
     /// Logs what is true of the simulated vehicle at a monotonic time in seconds.
@@ -222,8 +203,9 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
-        let message = convert::truth(time, truth, self.rotor_count);
-        self.log.put(self.topics.truth, Stamp { publish: at, log: at }, &message)
+        let (timed, rotor_count) = ((time, *truth), self.rotor_count);
+        let stamp = Stamp { publish: at, log: at };
+        self.log.put(self.topics.truth, stamp, |out| TRUTH.encode(&timed, rotor_count, out))
     }
 
     /// Writes what is held back.

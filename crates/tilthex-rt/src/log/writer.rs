@@ -4,9 +4,6 @@
 use std::{collections::BTreeMap, io::Write};
 
 use mcap::{Attachment, Compression, McapError, WriteOptions, records::MessageHeader, write::NoSeek};
-use prost::{Message, Name};
-
-use super::messages::DESCRIPTORS;
 
 /// A channel of a [`LogWriter`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -68,24 +65,30 @@ impl<W: Write> LogWriter<W> {
         Ok(Self { writer, sequences: BTreeMap::new(), buffer: Vec::with_capacity(4096) })
     }
 
-    /// Adds a channel for messages of one kind.
+    /// Adds a channel for messages of one kind: the full name of their schema, and a serialised `FileDescriptorSet` that
+    /// holds it.
     ///
     /// # Errors
     /// What the file says.
-    pub fn topic<M: Name>(&mut self, topic: &str) -> Result<Topic, McapError> {
-        let schema = self.writer.add_schema(&M::full_name(), "protobuf", DESCRIPTORS)?;
+    pub fn topic(&mut self, topic: &str, schema: &str, descriptors: &[u8]) -> Result<Topic, McapError> {
+        let schema = self.writer.add_schema(schema, "protobuf", descriptors)?;
         let id = self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?;
         self.sequences.insert(id, 0);
         Ok(Topic(id))
     }
 
-    /// Appends a message.
+    /// Appends a message, which `encode` puts into the buffer.
     ///
     /// # Errors
     /// What the file says.
-    pub fn put(&mut self, topic: Topic, stamp: Stamp, message: &impl Message) -> Result<(), McapError> {
+    pub fn put(
+        &mut self,
+        topic: Topic,
+        stamp: Stamp,
+        encode: impl FnOnce(&mut Vec<u8>),
+    ) -> Result<(), McapError> {
         self.buffer.clear();
-        message.encode_raw(&mut self.buffer);
+        encode(&mut self.buffer);
         let sequence = self.sequences.entry(topic.0).or_default();
         let header = MessageHeader {
             channel_id: topic.0,
@@ -140,7 +143,6 @@ impl<W: Write> LogWriter<W> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::messages::{Flight, Vector3};
     use mcap::{MessageStream, read::Options};
     use proptest::prelude::*;
     use std::{cell::RefCell, rc::Rc};
@@ -165,11 +167,11 @@ mod tests {
     #[test]
     fn what_is_written_is_read_back_with_schema_and_times() {
         let mut log = LogWriter::new(Vec::new(), Index::Written).expect("begins");
-        let topic = log.topic::<Vector3>("/v").expect("added");
+        let topic = log.topic("/v", "tilthex.Vector3", b"schema").expect("added");
         log.attach("config.toml", "application/toml", b"[vehicle]\n", 1).expect("attached");
-        let sent = Vector3 { x: 1.0, y: -2.5, z: f64::MIN_POSITIVE };
+        let sent = b"any bytes".to_vec();
         for i in 0..3 {
-            log.put(topic, stamp(100 + i), &sent).expect("written");
+            log.put(topic, stamp(100 + i), |out| out.extend(&sent)).expect("written");
         }
         let bytes = log.finish().expect("ends");
         let read: Vec<_> = MessageStream::new(&bytes).expect("a log").map(|m| m.expect("whole")).collect();
@@ -179,7 +181,7 @@ mod tests {
             assert_eq!(message.sequence, i as u32);
             let schema = message.channel.schema.as_ref().expect("a schema");
             assert_eq!((&*schema.name, &*schema.encoding), ("tilthex.Vector3", "protobuf"));
-            assert_eq!(Vector3::decode(&*message.data).expect("decodes"), sent);
+            assert_eq!((&*schema.data, &*message.data), (&b"schema"[..], &*sent));
         }
         let summary = mcap::Summary::read(&bytes).expect("readable").expect("there");
         assert_eq!(summary.attachment_indexes[0].name, "config.toml");
@@ -193,20 +195,20 @@ mod tests {
         ) {
             let file = Shared::default();
             let mut log = LogWriter::new(file.clone(), Index::Written).expect("begins");
-            let topic = log.topic::<Flight>("/flight").expect("added");
+            let topic = log.topic("/flight", "tilthex.Flight", &[]).expect("added");
             let mut tick = 0;
             // (length of the file, messages that must be readable in it)
             let mut flushed = vec![];
             for count in groups {
                 for _ in 0..count {
-                    log.put(topic, stamp(tick), &Flight { tick, ..Flight::default() }).expect("written");
+                    log.put(topic, stamp(tick), |out| out.extend(tick.to_le_bytes())).expect("written");
                     tick += 1;
                 }
                 log.flush().expect("flushed");
                 flushed.push((file.0.borrow().len(), tick));
             }
             for _ in 0..rest {
-                log.put(topic, stamp(tick), &Flight { tick, ..Flight::default() }).expect("written");
+                log.put(topic, stamp(tick), |out| out.extend(tick.to_le_bytes())).expect("written");
                 tick += 1;
             }
             log.finish().expect("ends");

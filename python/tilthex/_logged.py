@@ -1,0 +1,119 @@
+"""The topics of a log and the state of a flight, as tilthex-rt declares them.
+
+Written by `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test log_document`; do not change it by hand.
+"""
+# ruff: noqa: E501
+
+from __future__ import annotations
+
+from typing import TypedDict
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TOPICS = {
+    "/state": "State",
+    "/setpoint": "Target",
+    "/reference": "Target",
+    "/wrench": "Wrenches",
+    "/control": "Control",
+    "/rotors": "Rotors",
+    "/flight": "Flight",
+    "/link": "Link",
+    "/model": "Model",
+    "/input": "Input",
+    "/output": "Output",
+    "/timing": "Timing",
+    "/command": "Command",
+    "/truth": "Truth",
+}
+"""The topics of a flight and the messages that they hold."""
+
+
+class Target(TypedDict):
+    """A set-point of the tool."""
+
+    position: Array
+    """Position of the tool tip. [m]"""
+    rotation: Array
+    """Rotation of the tool."""
+    velocity: Array
+    """Velocity. [m/s]"""
+    angular_velocity: Array
+    """Angular velocity. [rad/s]"""
+    force: Array
+    """Wrench that the tool shall exert, about its tip, world axes. [N, N m]"""
+    torque: Array
+    """Wrench that the tool shall exert, about its tip, world axes. [N, N m]"""
+
+
+class Model(TypedDict):
+    """The vehicle's model that the laws use."""
+
+    mass: float | None
+    """Mass. [kg]"""
+    centre_of_mass: Array
+    """Centre of mass, from where the configuration has it. [m]"""
+    false_force: float | None
+    """Contact force that tilted hovers may show without contact: one standard deviation. [N]"""
+    false_torque: float | None
+    """Likewise of the torque. [N m]"""
+    hovers: int
+    """Hovers that the model was learnt from; 0 for the configured model."""
+
+
+class State(TypedDict):
+    """The newest state of a flight; docs/log.md has the same as a table."""
+
+    position: Array
+    """Position of the centre of mass. [m]"""
+    velocity: Array
+    """Velocity of the centre of mass. [m/s]"""
+    rotation: Array
+    """Rotation of the robot."""
+    angular_velocity: Array
+    """Angular velocity. [rad/s]"""
+    pose_age: float | None
+    """Age of the newest pose whose position was applied. [s]"""
+    latency: float | None
+    """Estimated latency: mean time from the capture of a pose to its arrival. [s]"""
+    setpoint: Target
+    """What the tool is asked to do."""
+    reference: Target
+    """The same, behind the admittance filter."""
+    force: Array
+    """About the tool tip, world axes. [N, N m]"""
+    torque: Array
+    """About the tool tip, world axes. [N, N m]"""
+    position_error: Array
+    """Position error e_p. [m]"""
+    compliant: bool
+    """Whether contact moves the reference."""
+    saturated: bool
+    """Whether a rotor is at a limit."""
+    given_up: str | None
+    """The most important part of the wanted wrench that the rotors do not give; none where they give it all."""
+    rotor_command: Array
+    """Commanded speed of each rotor. [Hz]"""
+    rotor_speeds: Array
+    """Measured speed of each rotor. [Hz]"""
+    battery: float | None
+    """Voltage of the battery; NaN (null) before it is known. [V]"""
+    tick: int
+    """Number of the tick, from 0."""
+    time: float | None
+    """Time of the tick. [s]"""
+    phase: str
+    """Phase after the tick."""
+    faults: list[str]
+    """Faults that last, one bit each: bit and name in docs/faults.md."""
+    model: Model
+    """The vehicle's model that the laws use."""
+    late: int
+    """Periods of the loop that were skipped, total."""
+    refused: int
+    """Requests on the control socket that were refused, total."""
+    controls: str | None
+    """Who holds the controls; None while nobody does."""
