@@ -8,11 +8,12 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, design, estimate, fit, manoeuvres, plot
+from tilthex import __version__, check, design, estimate, fit, manoeuvres, plot
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
+    check.add_parser,
     design.add_parser,
     estimate.add_parser,
     experiments.add_parser,

@@ -19,6 +19,7 @@ __all__ = [
     "Drawn",
     "Effects",
     "Loop",
+    "LoopModel",
     "Output",
     "Plant",
     "PoseCommand",
@@ -283,6 +284,32 @@ class Loop:
     @property
     def model_refused(self) -> str | None: ...
     def record(self) -> dict[str, _Array]: ...
+
+@final
+class LoopModel:
+    axes: Final[list[str]]
+    def __new__(
+        cls,
+        config: Config,
+        *,
+        truth: Truth | str | os.PathLike[str] | dict[str, Any] | None = None,
+        seed: int = 0,
+        loop_delay: float | None = None,
+        rotor_speed_age: float | None = None,
+        period: float | None = None,
+    ) -> LoopModel: ...
+    def hover(self) -> dict[str, Any]: ...
+    def loops(self) -> dict[str, _Array]: ...
+    def contact(
+        self,
+        *,
+        along: ArrayLike | None = None,
+        about: ArrayLike | None = None,
+        tip: tuple[float, float] | None = None,
+        damping_time: float = 0.0,
+    ) -> list[tuple[float, float]]: ...
+    def worst_contact(self, *, damping_time: float = 0.0) -> tuple[_Array, list[tuple[float, float]]]: ...
+    def least_apparent_mass(self, axis: int, stiffness: float, *, damping_time: float = 0.0) -> float: ...
 
 @final
 class Output:

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use super::{
-    Config, ConfigError, LinkSection, MissionSection, MocapSection, OrdersSection, SupervisorSection, section,
+    Config, ConfigError, LinkSection, MissionSection, MocapSection, OrdersSection, SupervisorSection,
+    margins::LoopDelays, section,
 };
 use tilthex_core::{
     estimator::EstimatorParams,
@@ -21,6 +22,17 @@ impl Config {
     /// The key of `[estimator]` that cannot be.
     pub fn estimator_params(&self) -> Result<EstimatorParams, ConfigError> {
         self.estimator.params(self.vehicle.vehicle())
+    }
+
+    /// The delays of the loop as stability margins count them.
+    #[must_use]
+    pub fn loop_delays(&self) -> LoopDelays {
+        LoopDelays {
+            period: 1.0 / self.link.imu_rate,
+            line: self.link.loop_delay,
+            // The newest of a motor's samples is half a period old in the mean.
+            rotor_speeds: 0.5 / self.link.motor_rate,
+        }
     }
 
     /// The parameters of a flight; `take_off` starts it without a command.

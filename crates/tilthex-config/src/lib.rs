@@ -8,6 +8,7 @@ mod control;
 mod estimator;
 pub mod files;
 mod flight;
+pub mod margins;
 pub mod orders;
 mod plausible;
 mod reach;

@@ -18,6 +18,9 @@ section! {
         motor_rate: f64 = 250.0 => "Hz" from 0.5 to 2000.0,
         /// Rate of the battery's measurements.
         battery_rate: f64 = 1.0 => "Hz" from 0.5 to 2000.0,
+        /// From an inertial sample to the rotors' answer to it, beyond half a control period: line, computer and motor
+        /// controllers. Stability margins and derived gains count on it.
+        loop_delay: f64 = 0.004 => "s" from 0.0 to 0.1,
         /// One count of the accelerometer; 0 for what is known of the board.
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
         /// One count of the gyroscope; 0 for what is known of the board.

@@ -6,6 +6,7 @@ mod chain;
 mod config;
 mod controller;
 mod convert;
+mod margins;
 mod plant;
 mod recording;
 mod setpoint;
@@ -35,6 +36,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<config::Config>()?;
     module.add_class::<controller::Controller>()?;
     module.add_class::<controller::Output>()?;
+    module.add_class::<margins::LoopModel>()?;
     module.add_class::<plant::Plant>()?;
     module.add_class::<setpoint::Reference>()?;
     module.add_class::<setpoint::Setpoint>()?;

@@ -1,0 +1,122 @@
+//! Margins of the hovering vehicle.
+
+use super::model::{LoopModel, Matrix, unstable};
+use nalgebra::Complex;
+
+/// A loop gain below this is none.
+const LEAST_GAIN: f64 = 1e-3;
+
+/// How far the loop of one axis is from its stability limit, the other axes' loops closed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AxisMargins {
+    /// Least phase, degrees, that can be lost where the gain is one; negative where the loop is unstable.
+    pub phase_margin_deg: f64,
+    /// The least factor above one on the pose control's gains that makes the loop unstable; infinite for none.
+    pub gain_margin: f64,
+    /// Delay, s, that can be added.
+    pub delay_margin: f64,
+    /// Largest amplification of a disturbance by the loop, |S|.
+    pub sensitivity_peak: f64,
+    /// The highest frequency, rad/s, at which the gain is one.
+    pub crossover: f64,
+}
+
+/// Margins of the six axes: translation along x, y, z of the world, then rotation about x, y, z of the robot.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HoverMargins {
+    /// By axis.
+    pub axes: [AxisMargins; 6],
+    /// Whether the whole loop is stable.
+    pub stable: bool,
+}
+
+/// The axes' names, as in [`HoverMargins::axes`].
+pub const AXES: [&str; 6] = ["x", "y", "z", "roll", "pitch", "yaw"];
+
+impl HoverMargins {
+    /// The least phase margin, degrees.
+    #[must_use]
+    pub fn least_phase_margin_deg(&self) -> f64 {
+        self.axes.iter().map(|a| a.phase_margin_deg).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The largest sensitivity peak.
+    #[must_use]
+    pub fn largest_sensitivity_peak(&self) -> f64 {
+        self.axes.iter().map(|a| a.sensitivity_peak).fold(0.0, f64::max)
+    }
+}
+
+/// The loops of the six axes over the frequency, each with all others closed.
+#[derive(Clone, Debug)]
+pub struct Loops {
+    /// Rad/s, rising.
+    pub frequencies: Vec<f64>,
+    /// Loop gain by axis, as long as the frequencies.
+    pub gains: [Vec<Complex<f64>>; 6],
+    /// Whether the whole closed loop is stable.
+    pub stable: bool,
+}
+
+impl LoopModel {
+    /// The loops in a contact-free hover, where the admittance filter rests in its dead zones, broken at the
+    /// accelerations that the pose control asks for.
+    #[must_use]
+    pub fn loops(&self) -> Loops {
+        let (mut characteristic, mut frequencies) = (Vec::new(), Vec::new());
+        let mut gains = [const { Vec::new() }; 6];
+        for frequency in self.frequencies() {
+            let at = self.at(frequency, [true; 2]);
+            characteristic.push((frequency, self.characteristic(&at, false)));
+            let Some(closed) = self.loop_gain(&at).map(|gain| Matrix::identity() + gain) else { continue };
+            let Some(sensitivity) = closed.try_inverse() else { continue };
+            frequencies.push(frequency);
+            for (i, of_axis) in gains.iter_mut().enumerate() {
+                // With all other loops closed an axis has the sensitivity S_ii.
+                of_axis.push(sensitivity[(i, i)].inv() - 1.0);
+            }
+        }
+        let value = |frequency: f64| self.characteristic(&self.at(frequency, [true; 2]), false);
+        Loops { frequencies, gains, stable: unstable(&characteristic, value) == 0 }
+    }
+
+    /// Margins in a contact-free hover, of [`Self::loops`].
+    #[must_use]
+    pub fn hover(&self) -> HoverMargins {
+        let loops = self.loops();
+        HoverMargins {
+            axes: loops.gains.map(|gains| margins(&loops.frequencies, &gains)),
+            stable: loops.stable,
+        }
+    }
+}
+
+fn margins(frequencies: &[f64], gains: &[Complex<f64>]) -> AxisMargins {
+    let mut found = AxisMargins {
+        phase_margin_deg: f64::INFINITY,
+        gain_margin: f64::INFINITY,
+        delay_margin: f64::INFINITY,
+        sensitivity_peak: gains.iter().map(|l| 1.0 / (l + 1.0).norm()).fold(0.0, f64::max),
+        crossover: 0.0,
+    };
+    for (w, pair) in frequencies.windows(2).zip(gains.windows(2)) {
+        let (a, b) = (pair[0], pair[1]);
+        let (high, low) = (a.norm().ln(), b.norm().ln());
+        if (high > 0.0) != (low > 0.0) {
+            let part = high / (high - low);
+            let frequency = w[0] * (w[1] / w[0]).powf(part);
+            // The phase above -180 degrees, at the crossing.
+            let margin = (-a).arg() + part * (b / a).arg();
+            found.phase_margin_deg = found.phase_margin_deg.min(margin.to_degrees());
+            found.delay_margin = found.delay_margin.min(margin / frequency);
+            found.crossover = found.crossover.max(frequency);
+        }
+        if (a.im > 0.0) != (b.im > 0.0) {
+            let real = a.re + (b.re - a.re) * a.im / (a.im - b.im);
+            if (-1.0..-LEAST_GAIN).contains(&real) {
+                found.gain_margin = found.gain_margin.min(-1.0 / real);
+            }
+        }
+    }
+    found
+}

@@ -1,0 +1,303 @@
+//! The linear model: what stands between a wanted acceleration and the acceleration, and between a wrench at the
+//! tool and the tool's way.
+
+use crate::{Config, TrueVehicle};
+use nalgebra::{Complex, SMatrix, SVector};
+use std::f64::consts::PI;
+use tilthex_core::{GRAVITY, Matrix6, Vector3, Vehicle, controller::ControllerParams, so3, types::Vector6};
+
+/// A complex number.
+pub(crate) type Number = Complex<f64>;
+/// A complex 6x6 matrix, translation before rotation.
+pub(crate) type Matrix = SMatrix<Number, 6, 6>;
+type Diagonal = SVector<Number, 6>;
+
+/// Of the six axes, the share of a wanted acceleration that the rotors give from which on they give it at once.
+const DIRECT: f64 = 0.5;
+/// The lowest frequency, rad/s, and how many there are up to half the sampling's.
+const LOWEST: f64 = 0.02;
+const FREQUENCIES: usize = 500;
+/// More phase, rad, than this between two frequencies is looked at more closely, so many times.
+const MOST_PHASE: f64 = 0.7;
+const HALVINGS: usize = 12;
+/// Only normalises determinants, 1/s.
+const POLE: f64 = 10.0;
+
+/// The delays of the loop, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LoopDelays {
+    /// The control period: what is commanded is held over it.
+    pub period: f64,
+    /// From a sample to the rotors' answer to it, beside the hold.
+    pub line: f64,
+    /// Age of the rotors' measured speeds against the inertial sample.
+    pub rotor_speeds: f64,
+}
+
+/// The closed loop of a vehicle in level hover, linear, six axes: translation in world axes, then rotation in robot
+/// axes.
+#[derive(Clone, Debug)]
+pub struct LoopModel {
+    /// Pose gains, observer, filter: what the controller has.
+    pub params: ControllerParams,
+    /// The delays.
+    pub delays: LoopDelays,
+    /// Generalised mass of the model, and the inverse of the true one.
+    model_mass: Matrix6,
+    true_inverse: Matrix6,
+    /// Acceleration that a wanted one gives, both [m/s^2; rad/s^2].
+    effect: Matrix6,
+    /// Axes that are reached only by tilting.
+    tilts: [bool; 6],
+    /// Twist of the tool by the twist of the robot: as the controller has it, and true.
+    model_tool: Matrix6,
+    true_tool: Matrix6,
+    /// Rotor lag, s: that of the model and the true one.
+    model_lag: f64,
+    true_lag: f64,
+}
+
+/// Every transfer function at one frequency.
+pub(crate) struct Point {
+    /// j omega, 1/s.
+    pub s: Number,
+    /// Pose control, `K_v s + K_p`.
+    pose: Diagonal,
+    /// From the rotors' command to what they give, and the same as the observer sees it.
+    rotors: Diagonal,
+    seen: Diagonal,
+    /// The observer on accelerations, and on what the rotors are seen to give.
+    observer: Matrix,
+    observer_rotors: Matrix,
+    /// From the observed wrench, as accelerations, to what the yielding reference asks for.
+    yields: Matrix,
+    /// The turn, rad, of the vehicle by the wanted lateral acceleration.
+    turn: Matrix,
+}
+
+pub(crate) fn real(m: &Matrix6) -> Matrix {
+    m.map(|x| Number::new(x, 0.0))
+}
+
+fn unit(angle: f64) -> Number {
+    Number::new(angle.cos(), angle.sin())
+}
+
+/// Mass and inertia as one matrix.
+fn generalised(vehicle: &Vehicle) -> Matrix6 {
+    let mut m = Matrix6::from_diagonal(&Vector6::repeat(vehicle.mass()));
+    m.fixed_view_mut::<3, 3>(3, 3).copy_from(vehicle.inertia());
+    m
+}
+
+/// `[I, -hat(p); 0, I]`: the twist of a point from that of the robot.
+fn twist_at(position: &Vector3) -> Matrix6 {
+    let mut m = Matrix6::identity();
+    m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-so3::hat(position));
+    m
+}
+
+impl LoopModel {
+    /// Of a configuration whose vehicle is its model.
+    #[must_use]
+    pub fn of(config: &Config) -> Self {
+        Self::new(config, config.vehicle().vehicle(), config.loop_delays())
+    }
+
+    /// Of a configuration that flies a drawn vehicle.
+    #[must_use]
+    pub fn of_true(config: &Config, drawn: &TrueVehicle) -> Self {
+        let mut delays = config.loop_delays();
+        delays.rotor_speeds += drawn.delays.rotor_speeds;
+        Self::new(config, drawn.vehicle.vehicle(), delays)
+    }
+
+    fn new(config: &Config, truth: &Vehicle, delays: LoopDelays) -> Self {
+        let model = config.vehicle().vehicle();
+        let (model_mass, true_mass) = (generalised(model), generalised(truth));
+        let true_inverse = true_mass.try_inverse().unwrap_or_else(Matrix6::identity);
+        let model_inverse = model_mass.try_inverse().unwrap_or_else(Matrix6::identity);
+        let given = |vehicle: &Vehicle| vehicle.allocation() * model.allocation_inverse();
+        let nominal = model_inverse * given(model) * model_mass;
+        let tilts = std::array::from_fn(|i| i < 2 && nominal[(i, i)] < DIRECT);
+        let mut effect = true_inverse * given(truth) * model_mass;
+        for i in (0..6).filter(|i| tilts[*i]) {
+            // By tilting the thrust, which carries the weight, the acceleration is the turn's, whatever the model is.
+            effect.row_mut(i).fill(0.0);
+            effect.column_mut(i).fill(0.0);
+            effect[(i, i)] = 1.0;
+        }
+        Self {
+            params: *config.controller(),
+            delays,
+            model_mass,
+            true_inverse,
+            effect,
+            tilts,
+            model_tool: twist_at(&model.tool().position_r),
+            true_tool: twist_at(&truth.tool().position_r),
+            model_lag: model.rotor_time_constant(),
+            true_lag: truth.rotor_time_constant(),
+        }
+    }
+
+    /// The frequencies, rad/s, at which everything is computed.
+    pub(crate) fn frequencies(&self) -> impl Iterator<Item = f64> + use<> {
+        let highest = PI / self.delays.period;
+        let step = (highest / LOWEST).ln() / FREQUENCIES as f64;
+        (0..FREQUENCIES).map(move |k| LOWEST * (step * k as f64).exp())
+    }
+
+    /// The laws and the vehicle at a frequency, rad/s. Of the observed tool wrench, `drives` says of force and of torque
+    /// whether it moves the reference: inside a dead zone it does not.
+    pub(crate) fn at(&self, frequency: f64, drives: [bool; 2]) -> Point {
+        let one = Number::new(1.0, 0.0);
+        let period = self.delays.period;
+        let s = Number::new(0.0, frequency);
+        let last = unit(-frequency * period);
+        let hold = (one - last) / (s * period);
+        let late = |delay: f64| unit(-frequency * delay);
+        let lag = |rate: f64| {
+            let share = -(-rate * period).exp_m1();
+            Number::new(share, 0.0) / (one - last * (1.0 - share))
+        };
+        let rotor = late(self.delays.line) * hold / (one + s * self.true_lag);
+        let pose = self.pose(s);
+        let (mut rotors, mut seen) = (Diagonal::repeat(rotor), Diagonal::repeat(rotor));
+        let mut turn = Matrix::zeros();
+        let vertical = self.effect[(2, 2)];
+        for i in 0..6 {
+            if self.tilts[i] {
+                // Forward by a turn about y, left by one about -x.
+                let (about, sign) = if i == 0 { (4, 1.0) } else { (3, -1.0) };
+                let tilt = self.turned(s) * self.attitude(s, rotor, about);
+                rotors[i] = tilt;
+                seen[i] = tilt / vertical;
+                turn[(about, i)] = tilt * (sign / GRAVITY);
+            } else {
+                seen[i] *= late(self.delays.rotor_speeds);
+            }
+        }
+        // The torque observer sees means over the last period.
+        let mean = one + last;
+        let gains = self.params.observer;
+        let of = |i: usize| lag(if i < 3 { gains.force[i] } else { gains.torque[i - 3] });
+        let accelerations = Diagonal::from_fn(|i, _| if i < 3 { of(i) } else { of(i) * hold });
+        let of_rotors = Diagonal::from_fn(|i, _| if i < 3 { of(i) } else { of(i) * mean * 0.5 });
+        let mass = real(&self.model_mass);
+        let mass_inverse = real(&self.model_mass.try_inverse().unwrap_or_else(Matrix6::identity));
+        let in_newtons = |h: &Diagonal| mass_inverse * Matrix::from_diagonal(h) * mass;
+        let low = if self.params.low_pass_hz > 0.0 { lag(2.0 * PI * self.params.low_pass_hz) } else { one };
+        let yields = self.yields(s, &pose, hold * late(-period)) * low;
+        let through = Matrix6::from_diagonal(&Vector6::from_fn(|i, _| f64::from(u8::from(drives[i / 3]))));
+        let to_tool =
+            self.model_tool.transpose().try_inverse().unwrap_or_else(Matrix6::identity) * self.model_mass;
+        Point {
+            s,
+            pose,
+            rotors,
+            seen,
+            observer: in_newtons(&accelerations),
+            observer_rotors: in_newtons(&of_rotors),
+            yields: yields * real(&(through * to_tool)),
+            turn,
+        }
+    }
+
+    fn pose(&self, s: Number) -> Diagonal {
+        let g = &self.params.pose;
+        let of = |proportional: &Vector3, rate: &Vector3, i: usize| s * rate[i] + proportional[i];
+        Diagonal::from_fn(|i, _| {
+            if i < 3 { of(&g.position, &g.velocity, i) } else { of(&g.rotation, &g.angular_velocity, i - 3) }
+        })
+    }
+
+    /// The turn's filter, from the wanted tilt to the reference's.
+    fn turned(&self, s: Number) -> Number {
+        let bandwidth = self.params.attitude.bandwidth;
+        let following = (3.0 * bandwidth).max(if self.model_lag > 0.0 { 1.0 / self.model_lag } else { 0.0 });
+        let damped = s * (2.0 * bandwidth) + bandwidth * bandwidth;
+        Number::new(bandwidth * bandwidth * following, 0.0) / (s * s * (s + following) + damped * following)
+    }
+
+    /// The attitude's answer to its reference, with the lead that makes up for the model's lag.
+    fn attitude(&self, s: Number, rotor: Number, about: usize) -> Number {
+        let g = &self.params.pose;
+        let feedback = s * g.angular_velocity[about - 3] + g.rotation[about - 3];
+        let lead = s * s * (s * self.model_lag + 1.0);
+        rotor * (lead + feedback) / (s * s + rotor * feedback)
+    }
+
+    /// From a wrench at the tool to the acceleration that is asked for at the centre of mass: the admittance filter's
+    /// own, and the pose control of its way and speed. `hold` is that of a wrench over the period before.
+    fn yields(&self, s: Number, pose: &Diagonal, hold: Number) -> Matrix {
+        let a = &self.params.admittance;
+        let law = real(&a.mass) * (s * s) + real(&a.damping) * s + real(&a.stiffness);
+        let way = law.try_inverse().unwrap_or_else(Matrix::zeros) * hold;
+        let mass_inverse = real(&a.mass.try_inverse().unwrap_or_else(Matrix6::identity));
+        let resists = real(&a.damping) * s + real(&a.stiffness);
+        let acceleration = mass_inverse * (Matrix::identity() - resists * way);
+        let to_robot = real(&self.model_tool.try_inverse().unwrap_or_else(Matrix6::identity));
+        to_robot * acceleration + Matrix::from_diagonal(pose) * to_robot * way
+    }
+
+    /// What the pose control and what the observer take off the rotors' command, per command: 6x6, accelerations.
+    /// `yielding`: with the admittance filter.
+    fn feedback(&self, at: &Point, yielding: bool) -> (Matrix, Matrix) {
+        let rest = if yielding { Matrix::identity() - at.yields } else { Matrix::identity() };
+        let moved = real(&self.effect) * Matrix::from_diagonal(&at.rotors);
+        let pose = Matrix::from_diagonal(&(at.pose / (at.s * at.s))) * moved;
+        (pose, rest * (at.observer * moved - at.observer_rotors * Matrix::from_diagonal(&at.seen)))
+    }
+
+    /// The loop gain, 6x6, broken at the accelerations that the pose control asks for, the admittance filter at rest.
+    pub(crate) fn loop_gain(&self, at: &Point) -> Option<Matrix> {
+        let (pose, observer) = self.feedback(at, false);
+        Some(pose * (Matrix::identity() + observer).try_inverse()?)
+    }
+
+    /// `det(I + feedback)` without its double integrators; its turns around zero count the unstable poles.
+    pub(crate) fn characteristic(&self, at: &Point, yielding: bool) -> Number {
+        let (pose, observer) = self.feedback(at, yielding);
+        let integrator = at.s * at.s / ((at.s + POLE) * (at.s + POLE));
+        (Matrix::identity() + pose + observer).determinant() * integrator.powu(6)
+    }
+
+    /// The way of the tool, m and rad, by a wrench at it, N and N m.
+    pub(crate) fn compliance(&self, at: &Point) -> Option<Matrix> {
+        let one = Matrix::identity();
+        let rest = at.yields - one;
+        let seen = Matrix::from_diagonal(&at.seen);
+        let square = at.s * at.s;
+        let pose = Matrix::from_diagonal(&(at.pose / square));
+        let asked = (one + rest * at.observer_rotors * seen).try_inverse()? * (rest * at.observer - pose);
+        let moved = real(&self.effect) * Matrix::from_diagonal(&at.rotors);
+        let accelerations = (one - moved * asked).try_inverse()?;
+        let tool = real(&self.true_tool);
+        let pushed = real(&(self.true_inverse * self.true_tool.transpose()));
+        let turned = at.turn * asked;
+        Some(tool * ((one / square + turned) * accelerations) * pushed)
+    }
+}
+
+/// Of a function with real value at zero and 1 at infinity, by frequency: how many zeros it has in the right half-plane.
+/// `known` are its values at rising frequencies; between two with much phase it is asked for more.
+pub(crate) fn unstable(known: &[(f64, Number)], value: impl Fn(f64) -> Number) -> usize {
+    fn turned(
+        from: (f64, Number),
+        to: (f64, Number),
+        value: &impl Fn(f64) -> Number,
+        halvings: usize,
+    ) -> f64 {
+        let step = (to.1 / from.1).arg();
+        if halvings == 0 || step.abs() < MOST_PHASE {
+            return step;
+        }
+        let frequency = (from.0 * to.0).sqrt();
+        let middle = (frequency, value(frequency));
+        turned(from, middle, value, halvings - 1) + turned(middle, to, value, halvings - 1)
+    }
+    let all: f64 = known.windows(2).map(|w| turned(w[0], w[1], &value, HALVINGS)).sum();
+    let first = known.first().map_or(0.0, |v| v.1.arg());
+    (-(all + first) / PI).round().max(0.0) as usize
+}

@@ -1,0 +1,180 @@
+"""`tilthex check`: how far a configuration is from instability, in hover and contact (docs/stability.md)."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import Config, LoopModel, Vehicle, polytope
+
+Array = NDArray[np.float64]
+LEAST_PHASE_MARGIN = 45.0
+"""Of every axis of the nominal vehicle, degrees."""
+LARGEST_PEAK = 2.0
+"""Of every axis' sensitivity, nominal."""
+LEAST_DRAWN_PHASE_MARGIN = 30.0
+"""Of every axis of every drawn vehicle, degrees."""
+DAMPING_TIME = 1e-3
+"""Damping by stiffness of what is touched, s."""
+STIFFNESS = 5e3
+"""Of what is touched, N/m, where an apparent mass is asked for."""
+ANY = 1e6
+"""A stiffness from which on the range counts as open."""
+
+
+@dataclass(frozen=True)
+class Spread:
+    """The worst of many drawn vehicles, (6,) each."""
+
+    phase_margin_deg: Array
+    sensitivity_peak: Array
+    unstable: int
+
+
+def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
+    """Margins over vehicles drawn with the seeds `first`, `first + 1`, ... from a level or a TOML file."""
+    phase, peak, unstable = np.full(6, np.inf), np.zeros(6), 0
+    for seed in range(first, first + draws):
+        found = LoopModel(config, truth=truth, seed=seed).hover()
+        phase = np.minimum(phase, found["phase_margin_deg"])
+        peak = np.maximum(peak, found["sensitivity_peak"])
+        unstable += not found["stable"]
+    return Spread(phase, peak, unstable)
+
+
+def named(name: str) -> Config:
+    """The configuration of a TOML file, or the default one of a preset."""
+    return Config.default(Vehicle.preset(name)) if name in Vehicle.presets() else Config.from_toml(name)
+
+
+def add_parser(subparsers: Any) -> None:
+    """Registers the command with the parsers of `tilthex`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "check",
+        help="stability margins of a configuration",
+        description="Prints each axis' margins in hover, the stiffnesses at which contact is stable, the "
+        "apparent mass below which it is not, and what the tool can push.",
+    )
+    parser.add_argument("config", help="a TOML file, or a preset for its default configuration")
+    parser.add_argument("--truth", default="measured", help="level or file that vehicles are drawn from")
+    parser.add_argument("--draws", type=int, default=20, help="how many; 0 for none")
+    parser.add_argument(
+        "--stiffness", type=float, default=STIFFNESS, help="of what is touched, N/m, for the apparent mass"
+    )
+    parser.add_argument(
+        "--damping-time",
+        type=float,
+        default=DAMPING_TIME,
+        help=f"damping of what is touched by its stiffness, s (default: {DAMPING_TIME:g})",
+    )
+    parser.add_argument("--plot", type=Path, help="a file for the loops' frequency response")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Prints, and plots where asked."""
+    config = named(arguments.config)
+    model = LoopModel(config)
+    found = model.hover()
+    spread = drawn(config, arguments.truth, arguments.draws) if arguments.draws > 0 else None
+    worst = f"; worst of {arguments.draws} vehicles of {arguments.truth}" if spread else ""
+    print(f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}")
+    for i, axis in enumerate(model.axes):
+        phase, peak = found["phase_margin_deg"][i], found["sensitivity_peak"][i]
+        good = phase >= LEAST_PHASE_MARGIN and peak <= LARGEST_PEAK
+        line = (
+            f"  {axis:5} {phase:5.1f} deg, {peak:4.2f}; gains times {found['gain_margin'][i]:.3g} and "
+            f"{1e3 * found['delay_margin'][i]:.0f} ms more are the limits; "
+            f"crosses at {found['crossover'][i]:.1f} rad/s"
+        )
+        if spread:
+            line += f"; drawn {spread.phase_margin_deg[i]:.1f} deg, {spread.sensitivity_peak[i]:.2f}"
+            good = good and spread.phase_margin_deg[i] >= LEAST_DRAWN_PHASE_MARGIN
+        print(line + ("" if good else "  <- low"))
+    if spread and spread.unstable:
+        print(f"  {spread.unstable} of the drawn vehicles are unstable")
+    _contact(model, arguments.stiffness, arguments.damping_time)
+    _reach(config.vehicle)
+    if arguments.plot:
+        _plot(model, arguments.plot)
+        print(f"written: {arguments.plot}")
+
+
+def _contact(model: LoopModel, stiffness: float, damping_time: float) -> None:
+    print(
+        f"contact: stable at these stiffnesses, of an environment with {1e3 * damping_time:g} ms of damping; "
+        "in brackets up to which without damping"
+    )
+    for name, direction in zip("xyz", np.eye(3), strict=True):
+        with_it = model.contact(along=direction, damping_time=damping_time)
+        without = model.contact(along=direction)
+        print(f"  along {name}: {_ranges(with_it, 'N/m')} ({_border(without, 'N/m')})")
+    direction, found = model.worst_contact(damping_time=damping_time)
+    print(f"  worst, along {np.round(direction, 2).tolist()}: {_ranges(found, 'N/m')}")
+    for name, direction in zip("xyz", np.eye(3), strict=True):
+        found = model.contact(about=direction, damping_time=damping_time)
+        print(f"  tip held, about {name}: {_ranges(found, 'N m/rad')}")
+    for axis, name in enumerate("xyz"):
+        least = model.least_apparent_mass(axis, stiffness, damping_time=damping_time)
+        meaning = (
+            f"unstable below an apparent mass of {least:.3g} kg"
+            if math.isfinite(least)
+            else "not stable as it is"
+        )
+        print(f"  along {name}, up to {stiffness:g} N/m: {meaning}")
+
+
+def _number(stiffness: float) -> str:
+    return "any" if stiffness >= ANY else f"{stiffness:.3g}"
+
+
+def _ranges(found: list[tuple[float, float]], unit: str) -> str:
+    if not found:
+        return "none"
+    return ", ".join(f"{_number(low)} to {_number(high)}" for low, high in found) + f" {unit}"
+
+
+def _border(found: list[tuple[float, float]], unit: str) -> str:
+    return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
+
+
+def _reach(vehicle: Vehicle) -> None:
+    try:
+        sideways = f"{polytope.lateral_reach(vehicle):.1f} N sideways at the centre of mass"
+        pushes = ", ".join(
+            f"{name} {polytope.push(vehicle, direction):.1f}"
+            for name, direction in zip(
+                ("x", "y", "down", "up"), [*np.eye(3)[:2], [0, 0, -1], [0, 0, 1]], strict=True
+            )
+        )
+        print(f"rotors, in a level hover: {sideways}; the tip pushes [N]: {pushes}")
+    except ValueError as error:
+        print(f"rotors: {error}")
+
+
+def _plot(model: LoopModel, path: Path) -> None:
+    from matplotlib.figure import Figure
+
+    loops = model.loops()
+    gains = loops["real"] + 1j * loops["imaginary"]
+    figure = Figure(figsize=(12, 4.2), layout="constrained")
+    nyquist, peak = figure.subplots(1, 2)
+    for name, gain in zip(model.axes, gains, strict=True):
+        nyquist.plot(gain.real, gain.imag, label=name)
+        peak.loglog(loops["frequency"], 1.0 / np.abs(1.0 + gain), label=name)
+    circle = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
+    nyquist.plot((-1 + circle / LARGEST_PEAK).real, (-1 + circle / LARGEST_PEAK).imag, "k:", lw=1)
+    nyquist.plot(circle.real, circle.imag, "k--", lw=0.6)
+    nyquist.plot([-1.0], [0.0], "k+")
+    nyquist.set(xlim=(-3, 1), ylim=(-2, 2), aspect="equal", xlabel="real", ylabel="imaginary")
+    nyquist.set_title("loop gain; dotted: sensitivity 2", fontsize=10, loc="left")
+    peak.axhline(LARGEST_PEAK, color="k", ls=":", lw=1)
+    peak.set(xlabel="rad/s", ylabel="sensitivity", xlim=(0.3, 1000), ylim=(1e-2, 10))
+    peak.legend(loc="lower right")
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,87 @@
+"""The linear model of the loop, and `tilthex check`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import tilthex
+from tilthex import check
+from tilthex.experiments.stability import TIP_DAMPING, Chain, growth
+
+PLANE = {"preset": "tilt-hex", "tool_position": [0, 0, -0.4], "inertia": [0.0115, 0.0115, 0.0194]}
+STIFF_TIP = 1e5
+
+
+@pytest.mark.parametrize(
+    ("gain", "low_pass", "damping"), [(30.0, 0.0, 1.5), (30.0, 5.0, 1.5), (100.0, 0.0, 1.5), (10.0, 0.0, 3.0)]
+)
+def test_a_held_tool_has_the_border_of_the_chain_in_the_plane(gain, low_pass, damping):
+    """Six axes without delays in a plane of symmetry: the 14 states of `Chain`, which were derived apart."""
+    config = tilthex.Config.default(tilthex.Vehicle.from_dict(PLANE)).replace(
+        pose_control={
+            "position_gain": 16.0,
+            "velocity_gain": 8.0,
+            "rotation_gain": 100.0,
+            "angular_velocity_gain": 20.0,
+        },
+        wrench_observer={"force_gain": gain, "torque_gain": gain},
+        admittance={
+            "mass": [1.5] * 3 + [0.01] * 3,
+            "damping": [10.0] * 3 + [damping] * 3,
+            "stiffness": [6.0] * 3 + [0.05] * 3,
+            "low_pass_hz": low_pass,
+        },
+    )
+    model = tilthex.LoopModel(config, loop_delay=0.0, rotor_speed_age=0.0, period=5e-5)
+    border = model.contact(about=[0, 1, 0], tip=(STIFF_TIP, TIP_DAMPING))[0][1]
+    chain = replace(Chain(), observer_gain=gain, low_pass_hz=low_pass, rotation=(0.01, damping, 0.05))
+
+    def rate(stiffness: float) -> float:
+        # Touched at the height of the centre of mass, where the lateral spring is weak beside the tip's.
+        return growth(chain, ((0.0, STIFF_TIP, TIP_DAMPING), (0.4, stiffness / 0.4**2, 0.0)))
+
+    assert rate(0.96 * border) < 0.0 < rate(1.04 * border)
+
+
+def test_the_margins_of_drawn_vehicles_are_around_the_models():
+    config = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    nominal = tilthex.LoopModel(config).hover()
+    exact = tilthex.LoopModel(config, truth="exact").hover()
+    assert np.allclose(exact["phase_margin_deg"], nominal["phase_margin_deg"])
+    spread = check.drawn(config, "measured", 4)
+    below = nominal["phase_margin_deg"] - spread.phase_margin_deg
+    assert ((below > 0.0) & (below < 15.0)).all() and spread.unstable == 0
+    late = tilthex.LoopModel(config, loop_delay=0.024).hover()
+    lost = np.degrees(0.02 * nominal["crossover"])
+    assert np.allclose(nominal["phase_margin_deg"] - late["phase_margin_deg"], lost, atol=3.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"along": [1, 0, 0], "about": [1, 0, 0]}, "expected one of along and about"),
+        ({}, "expected one of along and about"),
+        ({"along": [0, 0, 0]}, "along is zero; expected a direction"),
+        ({"along": [1, 0, 0], "damping_time": -1.0}, "damping_time is -1; expected a number from 0 to 10"),
+    ],
+)
+def test_what_is_no_contact_is_refused(arguments, sentence):
+    model = tilthex.LoopModel(tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex")))
+    with pytest.raises(ValueError, match=sentence):
+        model.contact(**arguments)
+
+
+def test_check_prints_and_plots(tmp_path):
+    config = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    hard = config.replace(pose_control={"rotation_gain": 900.0, "angular_velocity_gain": 60.0})
+    (tmp_path / "hard.toml").write_text(hard.to_toml())
+    command = [sys.executable, "-m", "tilthex", "check", "hard.toml", "--draws", "1", "--plot", "loops.png"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    low = [line.split()[0] for line in done.stdout.splitlines() if line.endswith("<- low")]
+    assert {"roll", "pitch", "yaw"} <= set(low)
+    assert "along x" in done.stdout and "the tip pushes" in done.stdout
+    assert (tmp_path / "loops.png").stat().st_size > 10_000
