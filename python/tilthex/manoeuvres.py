@@ -1,8 +1,8 @@
 """`tilthex manoeuvres`: what limits do to a flight, with the allocator and with a clip.
 
-Flies manoeuvres that ask for more than the rotors can give, once with the
-allocator and its turned attitude, once as it was before: the reference's
-attitude held whatever it costs, the inputs `A^+ w` cut off at the limits.
+Flies manoeuvres that ask for more than the rotors can give, with the flight that
+`tilthex-rt` flies and, to compare, with a controller that knows no limits: the
+reference's attitude is held whatever it costs, the inputs `A^+ w` are cut off.
 """
 
 from __future__ import annotations
@@ -11,12 +11,24 @@ import argparse
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import GRAVITY, Config, Controller, Drawn, Plant, Setpoint, Truth, Vehicle, WrenchObserver, so3
+from tilthex import (
+    GRAVITY,
+    Config,
+    Controller,
+    Drawn,
+    Loop,
+    Plant,
+    Setpoint,
+    Truth,
+    Vehicle,
+    WrenchObserver,
+    so3,
+)
 from tilthex.simulation import TRUTH_HELP
 
 Array = NDArray[np.float64]
@@ -78,16 +90,13 @@ def fly(
     if way != "turned" and fully:
         sections = {**sections, "attitude": {"mode": "fixed-tilt"}}
     config = Config.default(vehicle).replace(**sections)
-    controller = Controller(vehicle, config)
     at_rest = WrenchObserver(vehicle, config)
     true_vehicle = vehicle if drawn is None else drawn.vehicle
     plant = Plant(true_vehicle, [0.0, 0.0, 1.0], effects=None if drawn is None else drawn.effects())
-    inverse = np.linalg.pinv(vehicle.allocation)
-    lower, upper = (vehicle.rotor_speed_limits * np.abs(vehicle.rotor_speed_limits)).T
+    pilot = _Clipped(config) if way == "clip" else _Flown(config, plant)
     home, home_rotation = plant.tool_position, plant.tool_rotation
     count = round(seconds / PERIOD)
-    rows = np.full((count, 4), np.nan)
-    saturated = 0
+    tilt, felt_at_rest = np.full(count, np.nan), np.full((count, 3), np.nan)
     lost = False
     felt_push = np.zeros(3)
     for k in range(count):
@@ -102,55 +111,121 @@ def fly(
             # About the centre of mass, which is asked to stay.
             rotation = so3.exp(np.array([math.radians(60), 0.0, 0.0])) @ home_rotation
             place = [0.0, 0.0, 1.0] + rotation @ vehicle.tool_rotation.T @ vehicle.tool_position
-        out = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
-            setpoint=Setpoint(position=place, rotation=rotation),
-        )
-        command = out.rotor_speeds
-        saturated += out.saturated
-        if way == "clip":
-            inputs = np.clip(inverse @ out.wanted_wrench, lower, upper)
-            command = np.sign(inputs) * np.sqrt(np.abs(inputs))
-        turn = out.robot_reference.rotation.T @ plant.rotation
-        rows[k] = (
-            np.linalg.norm(out.position_error),
-            _degrees(turn),
-            math.degrees(math.acos(min(1.0, max(-1.0, plant.rotation[2, 2])))),
-            0.0,
-        )
-        felt = at_rest.step(
+        command = pilot.step((k + 1) * PERIOD, plant, Setpoint(position=place, rotation=rotation))
+        tilt[k] = math.degrees(math.acos(min(1.0, max(-1.0, plant.rotation[2, 2]))))
+        felt_at_rest[k] = at_rest.step(
             rotation=np.eye(3),
             angular_velocity=np.zeros(3),
             specific_force=(felt_push / vehicle.mass) + [0.0, 0.0, GRAVITY],
             rotor_speeds=vehicle.hover_speeds(),
-        )
-        rows[k, 3] = np.linalg.norm(out.wrench_robot[:3] - felt[:3])
+        )[:3]
         felt_push = push[:3]
         plant.step(command, wrench=push, dt=PERIOD)
         if not np.linalg.norm(plant.position) < 50:
             lost = True
             break
-    lost = lost or bool(np.nanmax(rows[:, 2]) > 120)
-    time = np.arange(count) * PERIOD
-    position_error, attitude_error, tilt, false_force = rows.T
+    flown = pilot.columns()
+    steps = len(flown.saturated)
+    lost = lost or bool(np.nanmax(tilt) > 120)
+
+    def padded(values: Array) -> Array:
+        return np.concatenate((values, np.full(count - steps, np.nan)))
+
     return Flight(
-        np.asarray(time, dtype=float),
-        position_error,
-        attitude_error,
-        tilt,
-        false_force,
-        saturated / count,
-        lost,
+        time=np.asarray(np.arange(count) * PERIOD, dtype=float),
+        position_error=padded(flown.position_error),
+        attitude_error=padded(flown.attitude_error),
+        tilt=tilt,
+        false_force=padded(np.linalg.norm(flown.force - felt_at_rest[:steps], axis=1)),
+        saturated=float(flown.saturated.sum()) / count,
+        lost=lost,
     )
 
 
-def _degrees(rotation: Array) -> float:
-    return math.degrees(float(np.linalg.norm(so3.log(rotation))))
+@dataclass(frozen=True)
+class _Columns:
+    """What a pilot leaves of each period: m, deg, N (n, 3), and whether a limit was active."""
+
+    position_error: Array
+    attitude_error: Array
+    force: Array
+    saturated: Array
+
+
+class _Flown:
+    """The flight that `tilthex-rt` flies. Its supervisor lets it go as far as a manoeuvre takes it."""
+
+    LIMITS: ClassVar[dict[str, float]] = {
+        "max_position_error": 10.0,
+        "max_rotation_error_deg": 90.0,
+        "max_tilt_deg": 180.0,
+        "max_speed": 100.0,
+        "geofence": 1e4,
+        "geofence_height": 1e4,
+    }
+
+    def __init__(self, config: Config, plant: Plant) -> None:
+        self._loop = Loop(config.replace(supervisor=self.LIMITS))
+        self._loop.initialize(0.0, plant.position, plant.rotation)
+
+    def step(self, time: float, plant: Plant, setpoint: Setpoint) -> Array:
+        return self._loop.step_from(time, setpoint=setpoint, **_known(plant))
+
+    def columns(self) -> _Columns:
+        record = self._loop.record()
+        # |e_R| is the sine of the angle.
+        sine = np.minimum(1.0, np.linalg.norm(record["rotation_error"], axis=1))
+        return _Columns(
+            position_error=np.linalg.norm(record["position_error"], axis=1),
+            attitude_error=np.degrees(np.arcsin(sine)),
+            force=record["wrench_robot"][:, :3],
+            saturated=record["saturated"][:, 0],
+        )
+
+
+class _Clipped:
+    """The comparison: the controller, whose inputs `A^+ w` are cut off at the limits. Nothing flies so."""
+
+    def __init__(self, config: Config) -> None:
+        vehicle = config.vehicle
+        self._controller = Controller(vehicle, config)
+        self._inverse = np.linalg.pinv(vehicle.allocation)
+        self._lower, self._upper = (vehicle.rotor_speed_limits * np.abs(vehicle.rotor_speed_limits)).T
+        self._rows: list[tuple[float, float, Array, bool]] = []
+
+    def step(self, time: float, plant: Plant, setpoint: Setpoint) -> Array:
+        out = self._controller.step(setpoint=setpoint, **_known(plant))
+        turn = out.robot_reference.rotation.T @ plant.rotation
+        attitude_error = math.degrees(float(np.linalg.norm(so3.log(turn))))
+        self._rows.append(
+            (float(np.linalg.norm(out.position_error)), attitude_error, out.wrench_robot[:3], out.saturated)
+        )
+        inputs = np.clip(self._inverse @ out.wanted_wrench, self._lower, self._upper)
+        return np.asarray(np.sign(inputs) * np.sqrt(np.abs(inputs)), float)
+
+    def columns(self) -> _Columns:
+        return _Columns(*(np.array(column, float) for column in zip(*self._rows, strict=True)))
+
+
+class _Known(TypedDict):
+    position: Array
+    velocity: Array
+    rotation: Array
+    angular_velocity: Array
+    specific_force: Array
+    rotor_speeds: Array
+
+
+def _known(plant: Plant) -> _Known:
+    """The state of the plant, as exact sensors tell it."""
+    return {
+        "position": plant.position,
+        "velocity": plant.velocity,
+        "rotation": plant.rotation,
+        "angular_velocity": plant.angular_velocity,
+        "specific_force": plant.specific_force,
+        "rotor_speeds": plant.rotor_speeds,
+    }
 
 
 def add_parser(subparsers: Any) -> None:
