@@ -326,10 +326,6 @@ SURVIVED = (
 """Kinds of faults that no flight may fail with; docs/results has all kinds and their figures."""
 
 
-@pytest.mark.xfail(
-    reason="known failure: 18 of seeds 1 to 400 fail, mostly where commands are lost; see docs/campaign.md",
-    strict=False,
-)
 def test_hundreds_of_faulty_flights_end_as_the_table_says():
     """No panic, no bad byte, no unlisted reaction, no fly-away, no motor stopped in the air."""
     flown = run("campaign", "-n", "400", "--faults", SURVIVED)

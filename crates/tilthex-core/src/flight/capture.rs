@@ -4,18 +4,23 @@
 //! poses agree with each other, and an estimator that follows them sees no contradiction until it is fast. So the
 //! motion of the last second is reckoned by the IMU alone, with the biases that it had at rest.
 
+use super::gyro_doubt::GyroDoubt;
 use crate::{
+    Wrench,
     estimator::Estimator,
     so3,
     supervisor::limits::{CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSES_REFUSED, RECKONED_FIRST},
     types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
+    vehicle::Vehicle,
 };
 
 /// A gyro's bias has left what it was at rest by more than this, rad/s: then it is the IMU that is in doubt.
 const GYRO_LEFT: f64 = 0.03;
-/// What an accelerometer that is off explains of a contradiction, as a part of it.
-const EXPLAINED: f64 = 0.6;
+/// What an accelerometer that is off must explain of a contradiction, as a part of it.
+const PART: f64 = 0.4;
+/// And what it shows across it at the most, as a part of that along it.
+const ACROSS: f64 = 0.6;
 
 /// So much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
@@ -23,8 +28,10 @@ const FOLLOWS: f64 = 0.05;
 const DRIFT: (f64, f64) = (0.05, 0.1);
 /// After a blow, of which the samples show only a part, poses need this long to bring the state right, s.
 const SETTLES: f64 = 0.3;
-/// Deviations of what the samples miss that are no contradiction.
-const MISSED: f64 = 3.0;
+/// Where samples are farther apart, some are missing, s.
+const GAP: f64 = 0.01;
+/// So many deviations of the estimate, and of what the samples miss, are no contradiction.
+const DEVIATIONS: f64 = 3.0;
 
 /// A motion as the IMU alone has it.
 #[derive(Clone, Copy, Debug)]
@@ -37,14 +44,16 @@ struct Window {
     without: f64,
     /// Variance of the velocity that the samples may have missed, (m/s)^2.
     missed: f64,
+    /// Deviations of position and velocity that it began with, m and m/s.
+    began: (f64, f64),
 }
 
 impl Window {
     /// From a state on, with the biases of another.
-    fn from(state: &Navigation, rest: &Navigation, length: f64) -> Self {
+    fn from(state: &Navigation, rest: &Navigation, length: f64, began: (f64, f64)) -> Self {
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
-        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0, missed: 0.0 }
+        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
     }
 }
 
@@ -61,6 +70,8 @@ pub(super) struct CaptureWatch {
     /// State and biases of the vehicle at rest.
     rest: Option<Navigation>,
     window: Option<Window>,
+    /// What the gyro showed and no rotor made.
+    doubt: GyroDoubt,
     /// For how long after a blow nothing can be told, s.
     settles: f64,
     lies: bool,
@@ -88,11 +99,15 @@ impl CaptureWatch {
     /// Whether a pose may be one: not the same again and again, while the IMU shows that the vehicle lives, and no default.
     pub(super) fn admits(&mut self, pose: &PoseSample) -> bool {
         let this = (pose.position_w, pose.rotation_wr);
-        if self.last == Some(this) {
+        // A lost body's rotation may stand still to the bit under noise of its position, or the other way round.
+        let same =
+            self.last.is_some_and(|(position_w, rotation_wr)| position_w == this.0 || rotation_wr == this.1);
+        if same {
             self.repeats = self.repeats.saturating_add(1);
         } else {
-            (self.last, self.since, self.repeats, self.moves) = (Some(this), pose.time, 0, false);
+            (self.since, self.repeats, self.moves) = (pose.time, 0, false);
         }
+        self.last = Some(this);
         self.frozen = self.moves && self.repeats >= POSES_REFUSED && pose.time - self.since > POSE_FROZEN;
         let default = this == (Vector3::zeros(), Matrix3::identity());
         !(self.frozen || default || self.lies)
@@ -115,7 +130,7 @@ impl CaptureWatch {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
         self.settles = (self.settles - dt).max(0.0);
-        let Some(missed) = missed else {
+        let Some(missed) = missed.filter(|_| dt < GAP) else {
             self.struck();
             return;
         };
@@ -126,38 +141,40 @@ impl CaptureWatch {
         }
     }
 
-    /// Nothing can be told of the last moments: samples or poses were missing.
-    pub(super) fn interrupt(&mut self) {
-        self.window = None;
-    }
-
-    /// A blow, or readings beyond the IMU's range: the state may be wrong until poses have corrected it.
+    /// A blow, or no true readings of the IMU: the state may be wrong until poses have corrected it.
     pub(super) fn struck(&mut self) {
         (self.window, self.settles) = (None, SETTLES);
     }
 
-    /// Once a tick in flight: whether the estimate, which follows poses, contradicts the motion by the IMU. `force_w` is
-    /// the external force that the IMU shows beyond the bias, N, world, on a vehicle of `mass`, kg.
+    /// Once a tick of `dt` s in flight: whether the estimate, which follows poses, contradicts the motion by the IMU.
+    /// `external_r` is the external wrench that the IMU shows beyond the bias, robot axes.
     pub(super) fn contradicts(
         &mut self,
         estimator: &Estimator,
-        force_w: &Vector3,
-        mass: f64,
+        external_r: &Wrench,
+        vehicle: &Vehicle,
+        dt: f64,
     ) -> Option<Contradiction> {
         let rest = self.rest?;
         let state = estimator.navigation();
-        if estimator.is_modelled() || self.settles > 0.0 {
-            self.interrupt();
+        if estimator.is_modelled() {
+            self.struck();
+        }
+        if self.settles > 0.0 {
             return None;
         }
-        let fresh = Window::from(&state, &rest, CAPTURE_WINDOW);
+        self.doubt.feel(&external_r.torque, vehicle, dt);
+        let health = estimator.health();
+        let certain = (health.position_deviation, health.velocity_deviation);
+        let fresh = Window::from(&state, &rest, CAPTURE_WINDOW, certain);
         let window = self.window.get_or_insert(fresh);
-        window.without = window.without.max(estimator.health().position_age);
+        window.without = window.without.max(health.position_age);
         let window = *window;
         // Without poses the IMU's errors grow, and honest poses correct them.
-        let missed = MISSED * libm::sqrt(window.missed);
-        let slack = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
-        let (slack, slack_velocity) = (slack + missed * window.time, slack + missed);
+        let drift = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
+        let missed = DEVIATIONS * (libm::sqrt(window.missed) + window.began.1);
+        let slack = drift + missed * window.time + DEVIATIONS * (window.began.0 + certain.0);
+        let slack_velocity = drift + missed + DEVIATIONS * certain.1;
         let off_w = state.position_w - window.reckoned.position_w;
         let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
         let (far, fast) = CAPTURE_AGREES;
@@ -172,10 +189,16 @@ impl CaptureWatch {
         if !contradicts || self.lies {
             return None;
         }
-        // The third witness are the rotors: an IMU that is off feels a force that is none.
-        let needed_w = -mass * off_velocity_w / window.time.max(0.1);
-        let imu_is_off = (force_w - needed_w).norm() < EXPLAINED * needed_w.norm()
-            || (state.gyro_bias_i - rest.gyro_bias_i).norm() > GYRO_LEFT;
+        // The third witness are the rotors: an IMU that is off feels a wrench that is none.
+        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(0.1);
+        let force_w = estimator.robot_state().rotation_wr * external_r.force;
+        let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
+        let turns = self.doubt.explains(&apart_i);
+        // What began within the window is larger than its mean over it.
+        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
+        let across = (force_w.norm_squared() - along * along).max(0.0);
+        let pushes = along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along;
+        let imu_is_off = pushes || (state.gyro_bias_i - rest.gyro_bias_i).norm() > GYRO_LEFT || turns;
         self.window = None;
         if imu_is_off {
             return None;
@@ -186,6 +209,6 @@ impl CaptureWatch {
 
     /// The vehicle takes off from rest: its first motion is reckoned in one piece.
     pub(super) fn take_off(&mut self, state: &Navigation) {
-        self.window = self.rest.map(|rest| Window::from(state, &rest, RECKONED_FIRST));
+        self.window = self.rest.map(|rest| Window::from(state, &rest, RECKONED_FIRST, (0.0, 0.0)));
     }
 }

@@ -16,6 +16,9 @@ use crate::{
 /// External torques above this part of the weight at the farthest rotor are none of a good vehicle's.
 const TORQUE: f64 = 0.08;
 
+/// A vehicle that is faster than this, m/s and rad/s, is not stopped.
+const FAST: (f64, f64) = (2.0, 4.0);
+
 /// The first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LiftOff {
@@ -41,16 +44,27 @@ impl Flight {
         conditions: &mut FaultSet,
         dt: f64,
     ) -> Option<Fault> {
-        let watch = &mut self.lift_off;
-        let fault = watch.fault;
+        let abort = if self.lift_off.fault.is_none() {
+            self.find_lift_off_fault(phase, contradiction, dt)
+        } else {
+            None
+        };
         for known in [Fault::MotorOrder, Fault::CaptureAxes, Fault::LiftOff] {
-            conditions.insert_if(known, fault == Some(known));
+            conditions.insert_if(known, self.lift_off.fault == Some(known));
         }
+        abort
+    }
+
+    /// Looks for a fault; what is to be done at once.
+    fn find_lift_off_fault(
+        &mut self,
+        phase: Phase,
+        contradiction: Option<&Contradiction>,
+        dt: f64,
+    ) -> Option<Fault> {
+        let watch = &mut self.lift_off;
         let since = watch.since? + dt;
         watch.since = Some(since).filter(|since| *since < LIFT_OFF_TIME && phase.in_flight());
-        if fault.is_some() {
-            return None;
-        }
         let robot = self.robot_state();
         let output = self.output.as_ref()?;
         let felt_height = contradiction.map_or(0.0, |c| (c.reckoned.position_w - c.from_w).z);
@@ -72,8 +86,8 @@ impl Flight {
             None
         };
         self.lift_off.fault = fault;
-        // Where it rose or ran already, flying on to a landing is gentler.
-        fault.filter(|_| robot.velocity_w.norm() < 2.0)
+        // Where it runs or tumbles already, flying on to a landing is gentler.
+        fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
     }
 }
 

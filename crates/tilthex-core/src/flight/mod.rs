@@ -11,6 +11,7 @@ mod bounds;
 mod capture;
 mod descent;
 mod guidance;
+mod gyro_doubt;
 mod io;
 mod landing;
 mod late;
@@ -298,7 +299,7 @@ impl Flight {
         conditions.insert_if(Fault::RotorLost, self.adrift);
         conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
         self.watch_bounds(before, &mut conditions, dt);
-        let contradiction = self.watch_capture(before, &mut conditions);
+        let contradiction = self.watch_capture(before, &mut conditions, dt);
         let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
         // An order to take off does not wait for whoever speaks next.
         self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);

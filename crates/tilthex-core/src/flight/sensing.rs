@@ -81,7 +81,12 @@ impl Flight {
     }
 
     /// What poses say against the IMU. From a contradiction on the vehicle is flown on the IMU.
-    pub(super) fn watch_capture(&mut self, phase: Phase, conditions: &mut FaultSet) -> Option<Contradiction> {
+    pub(super) fn watch_capture(
+        &mut self,
+        phase: Phase,
+        conditions: &mut FaultSet,
+        dt: f64,
+    ) -> Option<Contradiction> {
         conditions.insert_if(Fault::PoseFrozen, self.capture.frozen());
         conditions.insert_if(Fault::PoseContradicts, self.capture.lies());
         if self.known.is_some() || !self.estimator.is_initialized() {
@@ -92,9 +97,8 @@ impl Flight {
         }
         let output = self.output.as_ref().filter(|_| phase.in_flight())?;
         let robot = self.estimator.robot_state();
-        let force_w = output.wrench_robot.force - robot.rotation_wr * self.control.bias_r.force;
-        let mass = self.params.vehicle.mass();
-        let found = self.capture.contradicts(&self.estimator, &force_w, mass)?;
+        let external_r = output.contact(&robot, &self.control.bias_r);
+        let found = self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)?;
         self.estimator.go_on_from(found.reckoned);
         conditions.insert_if(Fault::PoseContradicts, true);
         Some(found)

@@ -2,7 +2,8 @@
 
 use tilthex_core::{
     Vector3,
-    supervisor::{FaultSet, Phase, Reaction, TABLE},
+    flight::Record,
+    supervisor::{Fault, FaultSet, Phase, Reaction, TABLE, limits::LIFT_OFF_TIME},
 };
 use tilthex_link::tk3::{self, HostMessage, Receiver};
 
@@ -14,7 +15,7 @@ const FLY_AWAY: f64 = 3.0;
 const FAST: f64 = 3.5;
 /// Higher than this over its start, motors are not stopped, m.
 const LOW: f64 = 0.1;
-/// The same in the first moments of a flight whose wiring or capture is wrong, m: a stop there is the gentle end.
+/// The same where the watch on the lift-off found a fault, m: a stop there is the gentle end.
 const LOW_AT_FIRST: f64 = 0.35;
 /// A vehicle that ends well is where it believes it is, m.
 const BELIEF: f64 = 0.3;
@@ -67,6 +68,8 @@ pub(super) struct Judge {
     rotors: usize,
     /// It was in the air.
     pub(super) flew: bool,
+    /// When it took off, s.
+    took_off: Option<f64>,
     falling: f64,
 }
 
@@ -85,6 +88,7 @@ impl Judge {
             limits,
             rotors: rotors.len(),
             flew: false,
+            took_off: None,
             falling: 0.0,
         }
     }
@@ -99,10 +103,11 @@ impl Judge {
         let in_flight = record.phase.in_flight();
         self.flew |= in_flight;
         if in_flight {
+            self.took_off.get_or_insert(world.now());
             self.outcome.seen.0 |= record.faults.0;
         }
         for message in world.sent().iter().filter_map(|&byte| self.receiver.push(byte)).collect::<Vec<_>>() {
-            self.check(world, &message, in_flight);
+            self.check(world, &message, record);
         }
         if self.receiver.counters().refused() > 0 || self.receiver.counters().frames.stray_bytes > 0 {
             self.fail(world, "sent bytes that are no message");
@@ -139,7 +144,7 @@ impl Judge {
         }
     }
 
-    fn check(&mut self, world: &World, message: &HostMessage, in_flight: bool) {
+    fn check(&mut self, world: &World, message: &HostMessage, record: &Record) {
         match message {
             HostMessage::Speeds(values) => {
                 let (low, high) = self.limits;
@@ -151,8 +156,11 @@ impl Judge {
             }
             HostMessage::Stop(_) | HostMessage::StopAll => {
                 let height = world.simulation.truth().robot.position_w.z - self.start.z;
-                let built_in = self.outcome.injections.iter().any(|i| i.kind.is_built_in());
-                if in_flight || height > if built_in { LOW_AT_FIRST } else { LOW } {
+                let lift_off =
+                    [Fault::LiftOff, Fault::MotorOrder, Fault::CaptureAxes, Fault::PoseContradicts];
+                let at_first = self.took_off.is_some_and(|time| world.now() - time <= LIFT_OFF_TIME)
+                    && lift_off.iter().any(|&fault| record.faults.contains(fault));
+                if record.phase.in_flight() || height > if at_first { LOW_AT_FIRST } else { LOW } {
                     self.fail(world, format_args!("stopped motors {height:.2} m above the start"));
                 }
             }
