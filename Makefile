@@ -4,6 +4,8 @@ VENV := .venv
 # Flights of the fault campaign, and the seed of the first.
 N ?= 10000
 SEED ?= 1
+# Processes that share the Python tests; flights in real time mostly wait.
+WORKERS ?= 3
 # A target without an operating system, for the crates that need none.
 NO_STD_TARGET ?= thumbv7em-none-eabihf
 BIN := $(VENV)/bin
@@ -83,7 +85,7 @@ proof:
 	cargo build --profile proof --locked --quiet -p tilthex-proof --features proof
 
 python-test: install
-	python -m pytest
+	python -m pytest -n $(WORKERS) --dist loadfile
 
 bench: install
 	$(BIN)/pip install --quiet --disable-pip-version-check '.[bench]'
