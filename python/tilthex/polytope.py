@@ -7,9 +7,8 @@ have a given value, with vertices, facets and what follows from them.
 
 from __future__ import annotations
 
-import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tilthex._core import GRAVITY
+from tilthex._geometry import ridges, section_vertices, volume
 
 if TYPE_CHECKING:
     from tilthex import Vehicle
@@ -116,7 +116,7 @@ class WrenchPolytope:
 
             faces = Poly3DCollection(self.vertices[hull.simplices], **({"alpha": 0.3} | style))
             axes.add_collection3d(faces)
-            axes.add_collection3d(Line3DCollection(self.vertices[_ridges(hull)], colors="k", linewidths=0.7))
+            axes.add_collection3d(Line3DCollection(self.vertices[ridges(hull)], colors="k", linewidths=0.7))
             axes.auto_scale_xyz(*self.vertices.T)
             axes.set_zlabel(self._label(2))
         else:
@@ -168,7 +168,7 @@ def wrench_polytope(
         raise ValueError("fix names every component; expected at least one left")
     target = base[held] + [fixed[COMPONENTS[i]] for i in held]
     inputs = np.vstack(
-        list(_section_vertices(matrix[held], target, lower, upper)) or [np.empty((0, len(lower)))]
+        list(section_vertices(matrix[held], target, lower, upper)) or [np.empty((0, len(lower)))]
     )
     if not len(inputs):
         raise ValueError(f"no inputs within the limits give {fixed}; expected components within reach")
@@ -233,7 +233,7 @@ def static_hover(vehicle: Vehicle, lost: Sequence[int] = ()) -> StaticHover | No
 
     def best(margin: float) -> StaticHover | None:
         limits = (lower + margin * span, upper - margin * span)
-        found = list(_section_vertices(matrix[3:], np.zeros(3), *limits))
+        found = list(section_vertices(matrix[3:], np.zeros(3), *limits))
         if not found:
             return None
         inputs = np.vstack(found)
@@ -272,42 +272,6 @@ def _limits(vehicle: Vehicle, lost: Sequence[int]) -> tuple[Array, Array]:
             raise ValueError(f"lost names rotor {rotor}; expected 0 to {len(limits) - 1}")
         limits[rotor] = 0.0
     return limits[:, 0], limits[:, 1]
-
-
-def _section_vertices(rows: Array, target: Array, lower: Array, upper: Array) -> Iterator[Array]:
-    """Vertices of the box where `rows @ u = target`: all but some inputs at their limits."""
-    moving = np.flatnonzero(upper > lower)
-    base = np.where(upper > lower, 0.0, lower)
-    left = target - rows @ base
-    # Rows that repeat others, or that no rotor moves, determine no input.
-    scale = np.linalg.norm(rows, axis=1)
-    independent: list[int] = []
-    for r in range(len(rows)):
-        chosen = [*independent, r]
-        if scale[r] and np.linalg.matrix_rank(rows[chosen][:, moving] / scale[chosen, None], 1e-9) == len(
-            chosen
-        ):
-            independent.append(r)
-    rows_of, left_of = rows[independent], left[independent]
-    tolerance = 1e-9 * float(np.abs(np.concatenate([lower, upper])).max())
-    consistency = 1e-7 * max(1e-12, float(np.abs(rows).max(initial=0.0)) * float(np.abs(upper).max()))
-    for solved in itertools.combinations(moving, len(independent)):
-        others = [i for i in moving if i not in solved]
-        square = rows_of[:, list(solved)]
-        if independent and abs(np.linalg.det(square / scale[independent][:, None])) < 1e-12:
-            continue
-        corners = np.array(list(itertools.product(*[(lower[i], upper[i]) for i in others])))
-        corners = corners.reshape(-1 if others else 1, len(others))
-        inputs = np.tile(base, (len(corners), 1))
-        inputs[:, others] = corners
-        if independent:
-            inputs[:, list(solved)] = np.linalg.solve(
-                square, left_of[:, None] - rows_of[:, others] @ corners.T
-            ).T
-        inside = ((inputs >= lower - tolerance) & (inputs <= upper + tolerance)).all(axis=1)
-        inside &= (np.abs(inputs @ rows.T - target) <= consistency).all(axis=1)
-        if inside.any():
-            yield np.clip(inputs[inside], lower, upper)
 
 
 def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPolytope:
@@ -352,38 +316,8 @@ def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPo
         normal / length[:, None],
         offset / length,
         dimension,
-        _volume(points[corner], dimension, k),
+        volume(points[corner], dimension, k),
     )
-
-
-def _ridges(hull: Any) -> NDArray[np.intp]:
-    """Pairs of vertices between facets of a hull that are not in one plane, (m, 2)."""
-    pairs = [
-        (a, b)
-        for i, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors, strict=True))
-        for k, j in enumerate(neighbours)
-        if i < j and hull.equations[i, :3] @ hull.equations[j, :3] < 1 - 1e-6
-        for a, b in [np.delete(corners, k)]
-    ]
-    return np.array(pairs, dtype=np.intp).reshape(-1, 2)
-
-
-def _volume(points: Array, dimension: int, k: int) -> float:
-    from scipy.spatial import ConvexHull, QhullError
-
-    if dimension == 0:
-        return 0.0
-    if dimension < k:
-        _, _, axes = np.linalg.svd(points - points.mean(axis=0))
-        points = points @ axes[:dimension].T
-    if dimension == 1:
-        return float(np.ptp(points))
-    size = np.ptp(points, axis=0)
-    try:
-        volume = ConvexHull(points / size).volume
-    except QhullError:
-        volume = ConvexHull(points / size, qhull_options="QJ").volume
-    return float(volume * np.prod(size))
 
 
 def _smallest(forces: Array) -> tuple[Array, Array]:

@@ -1,5 +1,7 @@
 //! Where the set-point comes from in each phase: take-off, hover, mission, landing.
 
+mod motions;
+
 use super::{io::Route, room::Room};
 use crate::{
     Vehicle,
@@ -13,6 +15,7 @@ use crate::{
     types::{Matrix3, RobotState, Setpoint, Vector3, Wrench},
     vehicle::Mounting,
 };
+use motions::{Detour, Sink};
 
 /// How the vehicle takes off and lands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,12 +38,6 @@ pub struct GuidanceParams {
 
 /// The mission's clock takes this long to stop and to start again, s.
 const SLOW_DOWN: f64 = 0.5;
-/// A landing reaches its speed of descent within this time, s.
-const SINK_IN: f64 = 1.0;
-
-/// Times of the way back from a detour: to the place, and to the speed, s.
-const WAY_BACK: (f64, f64) = (1.0, 0.5);
-
 /// Downward acceleration where no speed is known, m/s^2: what may be a climb has to end, and from 1 m it makes 1.7 m/s.
 const BLIND_ACCELERATION: f64 = 1.5;
 
@@ -55,44 +52,6 @@ pub(super) enum Descent {
     Blind,
     /// Wherever it is: a descent that did not come down.
     Forced,
-}
-
-/// The descent of a landing, which goes on until the ground is felt: where the
-/// ground is in the world is not relied on.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sink {
-    depth: f64,
-    speed: f64,
-    rate: f64,
-}
-
-impl Sink {
-    fn step(&mut self, landing_speed: f64, dt: f64) {
-        let faster = self.speed + landing_speed / SINK_IN * dt;
-        self.rate = if faster < landing_speed { landing_speed / SINK_IN } else { 0.0 };
-        self.speed = faster.min(landing_speed);
-        self.depth += self.speed * dt;
-    }
-}
-
-/// How far set-points are moved from where they were asked for: a capture system that jumps
-/// moves the world, and what follows is a flight back at the usual speed, not a leap.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Detour {
-    offset_w: Vector3,
-    velocity_w: Vector3,
-    acceleration_w: Vector3,
-}
-
-impl Detour {
-    fn step(&mut self, fastest: f64, back: bool, dt: f64) {
-        // Second order, damping ratio 0.7, cut to the fastest.
-        let back_w = if back { -self.offset_w / WAY_BACK.0 } else { Vector3::zeros() };
-        let wanted_w = back_w * (fastest / back_w.norm().max(fastest));
-        self.acceleration_w = (wanted_w - self.velocity_w) / WAY_BACK.1;
-        self.velocity_w += self.acceleration_w * dt;
-        self.offset_w += self.velocity_w * dt;
-    }
 }
 
 /// What is being flown.

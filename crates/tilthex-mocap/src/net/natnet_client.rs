@@ -1,11 +1,13 @@
 //! A client of a NatNet server.
 
+mod packets;
+
 use std::{
     net::SocketAddr,
     sync::atomic::{AtomicBool, Ordering},
 };
 
-use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
+use tilthex_core::clock_sync::{ClockParams, ClockSync};
 
 use super::{
     SourceError,
@@ -18,13 +20,10 @@ use super::{
     uri::MocapUri,
 };
 use crate::{
-    Malformed,
     echo_clock::EchoClock,
-    natnet::{
-        DATA_PORT, Frame, MessageId, ModelDef, ServerInfo, Version, announced_version, parse_echo_response,
-        parse_packet, write_bare, write_connect, write_echo_request,
-    },
+    natnet::{DATA_PORT, MessageId, Version, parse_packet, write_bare, write_connect, write_echo_request},
 };
+use packets::{Found, Introduction, Taken};
 use tilthex_core::types::Nanos;
 
 const MILLISECOND: Nanos = 1_000_000;
@@ -36,34 +35,8 @@ const PATIENCE: Nanos = 1_200 * MILLISECOND;
 const KEEP_ALIVE: Nanos = 200 * MILLISECOND;
 /// After so long without a frame the server is asked anew.
 const SILENCE: Nanos = 1_000 * MILLISECOND;
-/// Names kept for a message.
-const MAX_NAMES: usize = 64;
 /// Largest relative drift between a server's clock and ours.
 const DRIFT: f64 = 1e-4;
-
-/// What the server captures under the name asked for, or what else it captures.
-enum Found {
-    Body(i32),
-    Others(Vec<Vec<u8>>),
-}
-
-/// What became of a frame.
-enum Taken {
-    /// It holds the body.
-    Body,
-    /// It holds so many others.
-    Others(usize),
-    /// It is laid out otherwise.
-    Unreadable(Malformed),
-}
-
-/// What an introduction says.
-enum Introduction {
-    /// The group that frames are sent to, where they are.
-    Server(Option<[u8; 4]>),
-    /// A version that this client does not read.
-    Version(Version),
-}
 
 /// A connection to a server.
 pub(super) struct Session {
@@ -327,94 +300,5 @@ impl Session {
 
     fn refused(&self) -> u32 {
         self.sink.counters.status().refused
-    }
-
-    fn take_info(&mut self, payload: &[u8]) -> Option<Introduction> {
-        if let Some(version) = announced_version(payload).filter(|version| !version.is_known()) {
-            return Some(Introduction::Version(version));
-        }
-        let Ok(info) = ServerInfo::parse(payload) else {
-            add(&self.sink.counters.refused, 1);
-            return None;
-        };
-        self.version = info.version;
-        self.frequency = info.clock_frequency as f64;
-        self.data_port = info.data_port;
-        Some(Introduction::Server(info.multicast))
-    }
-
-    fn take_models(&mut self, payload: &[u8]) -> Option<Found> {
-        let mut names = Vec::new();
-        let Ok(models) = ModelDef::new_either(payload, self.version) else {
-            add(&self.sink.counters.refused, 1);
-            return None;
-        };
-        for body in models.flatten() {
-            if body.name == self.uri.body.as_bytes() {
-                return Some(Found::Body(body.id));
-            }
-            if names.len() < MAX_NAMES {
-                names.push(body.name.to_vec());
-            }
-        }
-        Some(Found::Others(names))
-    }
-
-    fn take_echo(&mut self, payload: &[u8]) {
-        let Ok((asked, server)) = parse_echo_response(payload) else {
-            add(&self.sink.counters.refused, 1);
-            return;
-        };
-        if self.echo.step(seconds(asked), server as f64 / self.frequency, now()) {
-            add(&self.sink.counters.clock_resets, 1);
-        }
-    }
-
-    /// Hands the body's pose on, where the frame holds it.
-    fn take_frame(&mut self, payload: &[u8]) -> Taken {
-        let arrival = now();
-        let (frame, version) = match Frame::parse_either(payload, self.version) {
-            Ok(read) => read,
-            Err(what) => {
-                add(&self.sink.counters.refused, 1);
-                return Taken::Unreadable(what);
-            }
-        };
-        self.version = version;
-        let Some(body) = frame.body(self.body) else { return Taken::Others(frame.bodies().count()) };
-        if frame.models_changed {
-            self.line.say(|out| write_bare(out, MessageId::RequestModelDef));
-        }
-        if !self.count(frame.number) {
-            return Taken::Body;
-        }
-        let exposed = (frame.times.mid_exposure != 0)
-            .then(|| self.echo.to_ours(frame.times.mid_exposure as f64 / self.frequency, arrival))
-            .flatten();
-        let time = exposed.map_or_else(
-            || {
-                let stamp = self.passive.step(frame.times.timestamp, arrival);
-                add(&self.sink.counters.clock_resets, (stamp.event == ClockEvent::Reset).into());
-                stamp.time - self.sink.params.latency
-            },
-            |(time, _)| time,
-        );
-        let position = body.position.map(f64::from);
-        let quaternion = body.quaternion_xyzw.map(f64::from);
-        self.sink.pose((time, arrival), position, quaternion, body.tracking_valid);
-        Taken::Body
-    }
-
-    /// Counts the frames that were lost before this one; false for one that came before.
-    fn count(&mut self, number: i32) -> bool {
-        let ahead = self.newest.map_or(1, |newest| number.wrapping_sub(newest));
-        if ahead > 0 {
-            // A long jump is a server that was started anew.
-            add(&self.sink.counters.lost, if ahead < 1000 { ahead.unsigned_abs() - 1 } else { 0 });
-        }
-        if !(-1000..=0).contains(&ahead) {
-            self.newest = Some(number);
-        }
-        ahead != 0
     }
 }
