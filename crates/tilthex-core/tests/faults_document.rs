@@ -6,8 +6,8 @@ use tilthex_core::supervisor::{Reaction, TABLE};
 
 const HEAD: &str = "# Faults and reactions
 
-Every fault that the supervisor knows: how it is seen, for how long it must last to count, for how long it
-must be gone to be over, and what is done. This page is written from `supervisor::TABLE` and `supervisor::limits`, which
+Every fault that the supervisor knows: how it is seen, for how long it must last before it counts, for how
+long it must be gone before it is over, and what is done. This page is written from `supervisor::TABLE` and `supervisor::limits`, which
 the code uses (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-core --test faults_document`); a test compares the two. The number
 of a fault is its bit in logs.
 
@@ -18,8 +18,8 @@ of a fault is its bit in logs.
 - **descend**: level attitude and a constant rate of descent on IMU and model, without a position; where the speed is not
   known either, with a little less thrust than the weight; back to *land* when the position returns.
 
-Where several faults last, the last-named reaction among theirs holds. Motors stop only when the ground carries the
-vehicle (`flight/touchdown.rs` says by what signs), or on the operator's explicit kill. When the program itself dies, the
+Where several faults last, the reaction that stands furthest down in this list is taken. Motors stop only when the ground carries the
+vehicle (`flight/landing.rs` says by what signs), or on the operator's explicit kill. When the program itself dies, the
 vehicle's own watchdog takes the rotors to their lowest speed (the vehicle falls) and disarms later: nothing on the base PC
 can mend that, so the process must not die; see the real-time notes in [loop.md](loop.md).
 
