@@ -27,7 +27,7 @@ def dead_zone(v, threshold):
 
 
 class Controller:
-    """The default set-up of the Tilt-Hex: the laws of docs/laws.md."""
+    """The default configuration of the Tilt-Hex: the laws of docs/laws.md."""
 
     def __init__(self, vehicle, mass, damping, stiffness):
         self.mass, self.inertia = vehicle.mass, vehicle.inertia

@@ -44,7 +44,7 @@ def compare(
     """Prints a row a filter.
 
     Args:
-        config: The set-up; its gate is opened and its initial deviations are the default ones.
+        config: The configuration; its gate is opened and its initial deviations are the default ones.
         fed: Samples (time, gyro, specific force); at which of them a pose lies, its position and rotation.
         truth: At which samples a position is known, and these positions.
     """

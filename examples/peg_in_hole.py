@@ -36,7 +36,7 @@ def show(name: str) -> None:
 
 
 # %% [markdown]
-# The set-up is one TOML file; these are its parameters.
+# The configuration is one TOML file; these are its parameters.
 
 # %%
 experiment = spec.load("peg-in-hole", short="--full" not in sys.argv)

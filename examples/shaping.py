@@ -35,7 +35,7 @@ def show(name: str) -> None:
 
 
 # %% [markdown]
-# The set-up is one TOML file; these are its parameters.
+# The configuration is one TOML file; these are its parameters.
 
 # %%
 experiment = spec.load("shaping", short="--full" not in sys.argv)

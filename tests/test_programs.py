@@ -16,7 +16,7 @@ import pytest
 import tilthex
 
 ROOT = Path(__file__).parent.parent
-# What starts the motors of a vehicle at a port, whose battery the set-up does not know.
+# What starts the motors of a vehicle at a port, whose battery the configuration does not know.
 FLY = ["--take-off", "--no-battery-limits"]
 # A simulated flight that hovers until an order.
 HOVER = ["--sim", "--take-off", "--control", "127.0.0.1:0"]

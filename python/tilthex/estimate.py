@@ -180,7 +180,7 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
 
     Args:
         recording: A flight of some ten seconds.
-        config: The set-up; its IMU mounting and noises count.
+        config: The configuration; its IMU mounting and noises count.
         settle: Innovations of this first time do not count, s.
     """
     from scipy.optimize import least_squares
@@ -280,4 +280,6 @@ def add_parser(commands: Any) -> None:
     calibration.set_defaults(run=_calibrate)
     for parser in (estimate, calibration):
         parser.add_argument("recording", type=Path, help="a log of tilthex-rt (.mcap) or a table (.csv)")
-        parser.add_argument("--config", type=Path, metavar="FILE.toml", help="the set-up (default: tilt-hex)")
+        parser.add_argument(
+            "--config", type=Path, metavar="FILE.toml", help="the configuration (default: tilt-hex)"
+        )

@@ -70,7 +70,7 @@ class Log:
     """A log, found sound.
 
     Attributes:
-        configuration: Its effective set-up, TOML.
+        configuration: Its effective configuration, TOML.
         missing: What is missing of a log that breaks off, as a sentence; None for a whole log.
     """
 
@@ -90,12 +90,12 @@ class Log:
             if self.missing and self._log.times is None:
                 size = len(self._log.data)
                 raise ValueError(
-                    f"{path} breaks off after {size} bytes, before the set-up that a log begins with: "
+                    f"{path} breaks off after {size} bytes, before the configuration that a log begins with: "
                     "nothing can be read"
                 )
             raise ValueError(
                 f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: "
-                "no set-up (config.toml) is attached"
+                "no configuration (config.toml) is attached"
             )
         self.configuration = attached.decode(errors="replace")
         if self.missing:

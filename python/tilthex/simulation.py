@@ -68,7 +68,7 @@ def simulate(
     """Flies the flight of `tilthex-rt` on the simulated vehicle, in Rust and without the GIL.
 
     Args:
-        config: The set-up; its vehicle is flown.
+        config: The configuration; its vehicle is flown.
         duration: Length, s.
         setpoint: A tool pose to hold. Either this or
         trajectory: A way of the tool.

@@ -1,4 +1,4 @@
-//! From a set-up to the parameters of a whole flight.
+//! From a configuration to the parameters of a whole flight.
 
 use std::time::Duration;
 

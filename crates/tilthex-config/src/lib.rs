@@ -1,4 +1,4 @@
-//! Configuration: one TOML file describes one set-up.
+//! Configuration: one TOML file describes the vehicle and how it is flown.
 //!
 //! Each section is declared once, with `section!`, which makes its struct, its
 //! defaults, its list of keys and the comments of the printed file. To add a
@@ -57,7 +57,7 @@ macro_rules! each_section {
 /// derived from the sections always belongs to them.
 macro_rules! config {
     ($($name:ident: $section:ty,)*) => {
-        /// A checked set-up.
+        /// A checked configuration.
         #[derive(Clone, Debug, PartialEq)]
         pub struct Config {
             vehicle: VehicleSection,
@@ -81,7 +81,7 @@ macro_rules! config {
 each_section!(config);
 
 impl Config {
-    /// The default set-up of a vehicle.
+    /// The default configuration of a vehicle.
     ///
     /// # Panics
     /// Never: the defaults are accepted for every vehicle (tested).
@@ -186,7 +186,7 @@ impl Config {
         Ok(config)
     }
 
-    /// The complete effective set-up as TOML, every key with its meaning and
+    /// The complete effective configuration as TOML, every key with its meaning and
     /// unit; reading it gives this again.
     #[must_use]
     pub fn to_toml(&self) -> String {

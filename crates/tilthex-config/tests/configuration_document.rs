@@ -7,9 +7,9 @@ use toml::{Table, Value};
 
 const HEAD: &str = "# Configuration
 
-One TOML file describes one set-up. A key that is not given has its default; an unknown key is an error.
-`tilthex-rt --print-config` prints the complete set-up that a file gives. The default gains and limits in `[pose_control]`,
-`[wrench_observer]` and `[admittance]` may depend on the vehicle: the printed set-up shows them.
+A configuration is one TOML file. A key that is not given has its default; an unknown key is an error. `tilthex-rt --config FILE
+--print-config` prints the complete configuration that a file gives. Some defaults of `[pose_control]`, `[wrench_observer]`,
+`[attitude]` and `[supervisor]` depend on the vehicle: the printed configuration shows them.
 
 This page is written from the declarations in `crates/tilthex-config`
 (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-config --test configuration_document`); a test compares the two. A unit of 1

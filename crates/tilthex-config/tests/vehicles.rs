@@ -1,4 +1,4 @@
-//! Every preset flies on its default set-up: hover, a 6-D trajectory as far as
+//! Every preset flies on its default configuration: hover, a 6-D trajectory as far as
 //! it can, a push; limits, lost rotors.
 
 #![allow(clippy::unwrap_used)]

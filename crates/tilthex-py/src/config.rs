@@ -10,7 +10,7 @@ use tilthex_config::Config as Checked;
 /// A position, (3,), and a rotation, (3, 3).
 type Place<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>);
 
-/// A checked set-up: the vehicle, and the parameters of every block.
+/// A checked configuration: the vehicle, and the parameters of every block.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Config {
     pub(crate) checked: Checked,
@@ -18,20 +18,20 @@ pub(crate) struct Config {
 
 #[pymethods]
 impl Config {
-    /// The default set-up of a vehicle.
+    /// The default configuration of a vehicle.
     #[staticmethod]
     #[pyo3(name = "default")]
     fn of_vehicle(vehicle: &Vehicle) -> Self {
         Self { checked: Checked::default_for(vehicle.section.clone()) }
     }
 
-    /// The set-up in a TOML file.
+    /// The configuration in a TOML file.
     #[staticmethod]
     fn from_toml(path: PathBuf) -> PyResult<Self> {
         Ok(Self { checked: Checked::from_file(&path).map_err(convert::config_error)? })
     }
 
-    /// The set-up in a text of TOML, as `to_toml` writes it.
+    /// The configuration in a text of TOML, as `to_toml` writes it.
     #[staticmethod]
     fn from_text(text: &str) -> PyResult<Self> {
         Ok(Self { checked: Checked::from_text(text, Path::new("")).map_err(convert::config_error)? })
@@ -44,7 +44,7 @@ impl Config {
         Ok(Self { checked: self.checked.overlaid(changes).map_err(convert::config_error)? })
     }
 
-    /// The complete set-up as TOML, every key with its meaning and unit.
+    /// The complete configuration as TOML, every key with its meaning and unit.
     fn to_toml(&self) -> String {
         self.checked.to_toml()
     }

@@ -43,7 +43,8 @@ pub fn file(path: &Path) -> Result<Replay, Failure> {
 /// What follows the log's name in a sentence, where it is no log of a flight, or ticks are missing within it.
 pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let attachments = log.attachments();
-    let set_up = |e: &dyn std::fmt::Display| format!("has a set-up that this version does not take: {e}");
+    let set_up =
+        |e: &dyn std::fmt::Display| format!("has a configuration that this version does not take: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
     let limits = config.mission().limits();

@@ -23,12 +23,12 @@ use crate::{
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.
 ///
-/// Exit status: 0 interrupted; 2 usage or configuration, or no Python with MuJoCo for --world;
+/// Exit status: 0 interrupted; 2 wrong arguments or configuration, or no Python with MuJoCo for --world;
 /// 3 no pseudo-terminal, or the world ended or answered something else.
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100)]
 pub struct Args {
-    /// The set-up; its vehicle is simulated [default: the preset tilt-hex]
+    /// The configuration whose vehicle is simulated [default: that of the preset tilt-hex]
     #[arg(long, value_name = "FILE.toml")]
     pub config: Option<PathBuf>,
 

@@ -31,7 +31,7 @@ const ORDERS: [(f64, &str); 3] = [
 /// An order to land goes past the ring, s.
 const LANDS: f64 = 16.5;
 
-/// The log of a faulty flight with orders and a trajectory, and `attached` as its set-up.
+/// The log of a faulty flight with orders and a trajectory, and `attached` as its configuration.
 fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     let params = config.linked_params(true).expect("valid");

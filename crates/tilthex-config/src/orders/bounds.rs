@@ -28,7 +28,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Of a set-up.
+    /// Of a configuration.
     pub(super) fn of(config: &Config) -> Self {
         let vehicle = config.vehicle().vehicle();
         let admittance = &config.controller().admittance;
@@ -132,5 +132,5 @@ fn check(what: &str, found: f64, most: f64, key: &str) -> Result<(), String> {
     if found <= most {
         return Ok(());
     }
-    Err(format!("{what} is {found:.4}; expected {most:.4} at most, by {key} of the set-up"))
+    Err(format!("{what} is {found:.4}; expected {most:.4} at most, by {key} of the configuration"))
 }

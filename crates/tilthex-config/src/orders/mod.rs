@@ -31,7 +31,7 @@ pub struct Orders {
 }
 
 impl Orders {
-    /// Of a set-up.
+    /// Of a configuration.
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {

@@ -16,9 +16,9 @@ use crate::{
 
 /// Flies a fully actuated multirotor as an end-effector.
 ///
-/// Exit status: 0 done; 2 usage or configuration; 3 the vehicle's link; 4 a
-/// fault ended the flight (the vehicle landed), or a replay comes out otherwise;
-/// 5 a replayed log breaks off; 130 interrupted (the vehicle landed).
+/// Exit status: 0 done; 2 wrong arguments or configuration; 3 the vehicle or motion capture does not answer;
+/// 4 a fault or a kill ended the flight, or a replay gives other outputs than its log; 5 a replayed log breaks
+/// off; 6 this computer denies what the program needs; 130 interrupted (the vehicle landed).
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -29,11 +29,11 @@ pub struct Args {
     #[arg(long, value_name = "DEV", global = true)]
     pub port: Option<String>,
 
-    /// Speed of the line; 0 leaves it alone [default: the configuration's]
+    /// Speed of the serial line, bits/s; 0 leaves it as it is [default: the configuration's]
     #[arg(long, value_name = "N", global = true)]
     pub baud: Option<u32>,
 
-    /// The set-up [default: the preset tilt-hex]
+    /// The configuration to fly with [default: that of the preset tilt-hex]
     #[arg(long, value_name = "FILE.toml", global = true)]
     pub config: Option<PathBuf>,
 
@@ -49,15 +49,15 @@ pub struct Args {
     #[arg(long, value_name = "FILE.mcap")]
     pub log: Option<PathBuf>,
 
-    /// Replace the log where its file exists
+    /// Replace the log's file if it exists
     #[arg(long)]
     pub overwrite: bool,
 
-    /// Land so long after take-off [default: when the trajectory ends, or on Ctrl-C]
+    /// Land this many seconds after take-off [default: when the trajectory ends, or on Ctrl-C]
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
 
-    /// In place of --port: start a simulated vehicle and a simulated motion capture, and fly them
+    /// Fly a simulated vehicle with simulated motion capture, in place of --port
     #[arg(long, conflicts_with_all = ["port", "mocap"])]
     pub sim: bool,
 
@@ -74,28 +74,30 @@ pub struct Args {
     #[arg(long, requires = "sim", default_value_t = 1)]
     pub seed: u64,
 
-    /// Start the motors and take off as soon as everything is ready. Without it they start by the order take_off,
-    /// and never without --control
+    /// Start the motors and take off as soon as everything is ready. Without this option only the order take_off
+    /// starts them, which comes through --control
     #[arg(long)]
     pub take_off: bool,
 
-    /// Take orders there from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket of this user alone
+    /// Take orders at this address, for example from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket
+    /// that only this user may use
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
 
-    /// Take orders only from clients that say the token in this file first; an address beyond this computer needs one
+    /// Take orders only from clients that first send the token in this file; needed where ADDRESS is not of this
+    /// computer alone
     #[arg(long, value_name = "FILE", requires = "control")]
     pub control_token_file: Option<PathBuf>,
 
-    /// Fly the vehicle at --port though its set-up names no battery voltage at which it lands
+    /// Fly the vehicle at --port although the configuration has no voltage at which it lands
     #[arg(long)]
     pub no_battery_limits: bool,
 
-    /// What to do where the machine refuses real-time rights
+    /// What to do if this computer denies real-time rights
     #[arg(long, value_enum, default_value = "prefer", global = true)]
     pub realtime: Demand,
 
-    /// Write the complete effective configuration and end
+    /// Print the complete configuration and end
     #[arg(long)]
     pub print_config: bool,
 }
@@ -110,12 +112,12 @@ pub(super) enum Action {
         /// The log
         log: PathBuf,
     },
-    /// Fly many random faulty flights on virtual time
+    /// Fly many flights with random faults, in simulation on virtual time
     Campaign {
-        /// How many
+        /// Number of flights
         #[arg(long, short, default_value_t = 1000)]
         number: u64,
-        /// The seed of the first; each flight has the next one
+        /// Seed of the first flight; each later flight has the next seed
         #[arg(long, default_value_t = 1)]
         seed: u64,
         /// Only faults of these kinds [default: all]
@@ -145,7 +147,7 @@ impl Args {
         let limited = config.supervisor().battery_low > 0.0 && config.supervisor().battery_critical > 0.0;
         if self.port.is_some() && !limited && !self.no_battery_limits {
             return Err(Failure::usage(
-                "no battery limits are known: give battery_low and battery_critical (V) in [supervisor] of the set-up, or \
+                "no battery limits are known: give battery_low and battery_critical (V) in [supervisor] of the configuration, or \
                  fly without them with --no-battery-limits",
             ));
         }
@@ -157,7 +159,7 @@ impl Args {
         ))
     }
 
-    /// The set-up they name.
+    /// The configuration they name.
     ///
     /// # Errors
     /// One sentence: the file, the section, the key.

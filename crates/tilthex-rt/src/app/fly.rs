@@ -135,7 +135,7 @@ struct Peers {
 }
 
 impl Peers {
-    /// Those that the arguments and the set-up name.
+    /// Those that the arguments and the configuration name.
     fn connect(args: &Args, config: &Config, client: ClientParams) -> Result<Self, Failure> {
         let Some(port) = &args.port else {
             return Err(Failure::usage(

@@ -29,11 +29,11 @@ impl LogReader {
             return Err(match found.cut {
                 Some(Cut { size, .. }) if found.times.is_none() => {
                     format!(
-                        "breaks off after {size} bytes, before the set-up that a log begins with: nothing can be read"
+                        "breaks off after {size} bytes, before the configuration that a log begins with: nothing can be read"
                     )
                 }
                 _ => format!(
-                    "is an MCAP file, written by \"{}\", but no log of tilthex-rt: no set-up (config.toml) is attached",
+                    "is an MCAP file, written by \"{}\", but no log of tilthex-rt: no configuration (config.toml) is attached",
                     found.library.escape_debug()
                 ),
             });

@@ -127,7 +127,7 @@ struct Fleet<'a> {
 }
 
 impl Fleet<'_> {
-    /// Of a set-up.
+    /// Of a configuration.
     fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
         let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
         Ok(Fleet { params, model: config.vehicle(), truth })
@@ -149,7 +149,7 @@ impl Fleet<'_> {
 /// truth is not the model, each flight has a vehicle of its own.
 ///
 /// # Errors
-/// Where the set-up cannot fly even without faults.
+/// Where the configuration cannot fly even without faults.
 pub fn run(
     config: &Config,
     truth: &TruthSection,
@@ -194,7 +194,7 @@ pub fn run(
 /// Flies the flight of one seed again and tells its story.
 ///
 /// # Errors
-/// Where the set-up cannot fly even without faults.
+/// Where the configuration cannot fly even without faults.
 pub fn again(
     config: &Config,
     truth: &TruthSection,

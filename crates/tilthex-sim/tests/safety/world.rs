@@ -45,7 +45,7 @@ pub(crate) struct World {
 }
 
 impl World {
-    /// Of a set-up's text, on the ground; the vehicle is drawn by a truth and a seed.
+    /// Of a configuration's text, on the ground; the vehicle is drawn by a truth and a seed.
     pub(crate) fn new(text: &str, truth: &str, seed: u64) -> Self {
         let config = Config::from_text(text, Path::new("")).unwrap();
         let drawn = TruthSection::named(truth).unwrap().draw(config.vehicle(), seed).unwrap();
@@ -53,12 +53,12 @@ impl World {
         Self::of(&config, plant, drawn.sensors(&SensorParams::EXPERIMENTS), None, seed)
     }
 
-    /// The default set-up of a preset.
+    /// The default configuration of a preset.
     pub(crate) fn preset(name: &str, truth: &str, seed: u64) -> Self {
         Self::new(&format!("vehicle.preset = \"{name}\""), truth, seed)
     }
 
-    /// Of a set-up, for a plant whose legs are `leg` long where that is not what the tool needs.
+    /// Of a configuration, for a plant whose legs are `leg` long where that is not what the tool needs.
     pub(crate) fn of(
         config: &Config,
         plant: Plant,
