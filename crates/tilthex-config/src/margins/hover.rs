@@ -1,7 +1,7 @@
 //! Margins of the hovering vehicle.
 
 use super::model::{LoopModel, Matrix, unstable};
-use nalgebra::Complex;
+use nalgebra::{Complex, ComplexField};
 
 /// A loop gain below this is none.
 const LEAST_GAIN: f64 = 1e-3;
@@ -96,17 +96,17 @@ fn margins(frequencies: &[f64], gains: &[Complex<f64>]) -> AxisMargins {
         phase_margin_deg: f64::INFINITY,
         gain_margin: f64::INFINITY,
         delay_margin: f64::INFINITY,
-        sensitivity_peak: gains.iter().map(|l| 1.0 / (l + 1.0).norm()).fold(0.0, f64::max),
+        sensitivity_peak: gains.iter().map(|l| 1.0 / (l + 1.0).modulus()).fold(0.0, f64::max),
         crossover: 0.0,
     };
     for (w, pair) in frequencies.windows(2).zip(gains.windows(2)) {
         let (a, b) = (pair[0], pair[1]);
-        let (high, low) = (a.norm().ln(), b.norm().ln());
+        let (high, low) = (a.modulus().ln(), b.modulus().ln());
         if (high > 0.0) != (low > 0.0) {
             let part = high / (high - low);
             let frequency = w[0] * (w[1] / w[0]).powf(part);
             // The phase above -180 degrees, at the crossing.
-            let margin = (-a).arg() + part * (b / a).arg();
+            let margin = (-a).argument() + part * (b / a).argument();
             found.phase_margin_deg = found.phase_margin_deg.min(margin.to_degrees());
             found.delay_margin = found.delay_margin.min(margin / frequency);
             found.crossover = found.crossover.max(frequency);

@@ -2,7 +2,7 @@
 //! tool and the tool's way.
 
 use crate::{Config, TrueVehicle};
-use nalgebra::{Complex, SMatrix, SVector};
+use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 use std::f64::consts::PI;
 use tilthex_core::{GRAVITY, Matrix6, Vector3, Vehicle, controller::ControllerParams, so3, types::Vector6};
 
@@ -289,7 +289,7 @@ pub(crate) fn unstable(known: &[(f64, Number)], value: impl Fn(f64) -> Number) -
         value: &impl Fn(f64) -> Number,
         halvings: usize,
     ) -> f64 {
-        let step = (to.1 / from.1).arg();
+        let step = (to.1 / from.1).argument();
         if halvings == 0 || step.abs() < MOST_PHASE {
             return step;
         }
@@ -298,6 +298,6 @@ pub(crate) fn unstable(known: &[(f64, Number)], value: impl Fn(f64) -> Number) -
         turned(from, middle, value, halvings - 1) + turned(middle, to, value, halvings - 1)
     }
     let all: f64 = known.windows(2).map(|w| turned(w[0], w[1], &value, HALVINGS)).sum();
-    let first = known.first().map_or(0.0, |v| v.1.arg());
+    let first = known.first().map_or(0.0, |v| v.1.argument());
     (-(all + first) / PI).round().max(0.0) as usize
 }

@@ -34,6 +34,8 @@ pub(super) const ATTEMPTS: u32 = 4;
 /// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
 /// faster than so much, m/s, and rises again where it sinks faster than so much.
 const FORCED: f64 = 0.1;
+/// It rises so much faster, and falls so much faster at the height of the ground that the vehicle took off from.
+const FASTER: f64 = 5.0;
 const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
 /// A vehicle that is unloaded by force lies on something after so long, s.
 const FORCED_REST: f64 = 2.0;
@@ -175,10 +177,11 @@ impl Landing {
     fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
         let (slow, fast) = FORCED_SPEEDS;
         let sinking = -seen.velocity;
+        let at_the_ground = seen.above.is_some_and(|above| above <= 0.0);
         let rate = if sinking < slow {
-            -FORCED
+            if at_the_ground { FASTER * -FORCED } else { -FORCED }
         } else if sinking > fast {
-            5.0 * FORCED
+            FASTER * FORCED
         } else {
             0.0
         };
