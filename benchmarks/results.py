@@ -72,7 +72,7 @@ PAGES = (
     Page(
         "allocation",
         "The allocator against quadprog",
-        ("python -m benchmarks.lexicographic 10000",),
+        ("python -m benchmarks.lexicographic --number 10000 --seed 5001",),
     ),
     Page("instructions", "Instructions of a step", ("python -m benchmarks.instructions",)),
     Page(
