@@ -11,6 +11,7 @@ use tilthex_core::{
     allocation::{Allocator, AllocatorParams, Priority},
     attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
     controller::{Controller, ControllerParams},
+    free_wrench::FreeWrenchParams,
     pose_control::{PoseController, PoseGains},
     vehicle::Actuation,
     wrench_observer::{ObserverGains, WrenchObserver},
@@ -60,6 +61,14 @@ section! {
         /// For a tool whose turn about its own axis (z) does not matter: largest torque that turns the reference
         /// about it to where hovering leaves the rotors more room; 0 for none.
         room_torque: f64 = 0.0 => "N m" from 0.0 to 1000.0,
+        /// Largest speed to which a wrench set-point drives the tool where nothing resists it.
+        max_wrench_speed: f64 = FreeWrenchParams::default().speed => "m/s" from 1e-3 to 10.0,
+        /// How far a wrench set-point carries the tool where nothing resists it.
+        max_wrench_way: f64 = FreeWrenchParams::default().way => "m" from 0.0 to 100.0,
+        /// Largest angular velocity to which a wrench set-point drives the tool where nothing resists it.
+        max_wrench_spin_deg: f64 = 30.0 => "degrees/s" from 0.1 to 1e3,
+        /// How far a wrench set-point turns the tool where nothing resists it.
+        max_wrench_turn_deg: f64 = 30.0 => "degrees" from 0.0 to 177.0,
         /// Farthest the reference yields from the set-point.
         max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
         /// Farthest the reference turns from the set-point.
@@ -120,6 +129,17 @@ impl AdmittanceSection {
             stiffness: self.stiffness.0,
             max_translation: self.max_translation,
             max_rotation: self.max_rotation_deg.to_radians(),
+        }
+    }
+}
+
+impl AdmittanceSection {
+    fn free_wrench(&self) -> FreeWrenchParams {
+        FreeWrenchParams {
+            speed: self.max_wrench_speed,
+            way: self.max_wrench_way,
+            spin: self.max_wrench_spin_deg.to_radians(),
+            turn: self.max_wrench_turn_deg.to_radians(),
         }
     }
 }
@@ -196,6 +216,7 @@ pub(super) fn controller_params(
         torque_dead_zone: admittance.torque_dead_zone,
         low_pass_hz: admittance.low_pass_hz,
         room_torque: admittance.room_torque,
+        free_wrench: admittance.free_wrench(),
         allocation: allocation.params()?,
         attitude: attitude.params()?,
     };

@@ -200,6 +200,7 @@ impl SupervisorSection {
             max_force: self.max_force,
             max_torque: self.max_torque,
             start_timeout: self.start_timeout,
+            motor_check: self.motor_check,
             geofence: self.geofence,
             geofence_height: self.geofence_height,
         }

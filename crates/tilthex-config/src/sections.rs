@@ -89,6 +89,9 @@ section! {
         max_torque: f64 = 5.0 => "N m" from 0.01 to 1e3,
         /// Longest time from the first start command until all motors spin.
         start_timeout: f64 = 30.0 => "s" from 1.0 to 300.0,
+        /// Whether each motor is spun alone for a moment before all of them start, about half a second each: the right one
+        /// must turn, at its speed, and no other. Where one does not, no motor starts.
+        motor_check: bool = true,
         /// The vehicle lands where it is farther than this from its start along x or y.
         geofence: f64 = 3.0 => "m" from 0.1 to 1e4,
         /// The vehicle lands where it is higher than this above its start.

@@ -48,6 +48,7 @@ fn parameters(damping: f64) -> ControllerParams {
         torque_dead_zone: 0.2,
         low_pass_hz: 20.0,
         room_torque: 0.0,
+        free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     }

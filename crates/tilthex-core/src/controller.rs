@@ -11,6 +11,7 @@ use crate::{
     bias::BiasEstimator,
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone, lag_fraction},
+    free_wrench::{FreeWrenchParams, FreeWrenchState},
     pose_control::{PoseCommand, PoseController, PoseGains},
     rotor_room::RotorRoom,
     types::{Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
@@ -49,6 +50,8 @@ pub struct ControllerParams {
     /// Largest torque about the tool's axis that turns the reference to where the rotors have
     /// more room, N m; 0 for none.
     pub room_torque: f64,
+    /// How a wrench set-point moves the tool where nothing resists it.
+    pub free_wrench: FreeWrenchParams,
     /// What is given up first where the rotors' limits do not let all be had.
     pub allocation: AllocatorParams,
     /// Which attitude is flown where lateral force does not suffice.
@@ -83,6 +86,7 @@ impl Controller {
     pub fn new(vehicle: Vehicle, params: ControllerParams) -> Result<Self, Error> {
         check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
         check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
+        params.free_wrench.checked()?;
         let room = RotorRoom::new(&vehicle, params.room_torque)?;
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(0.0, f64::max);
         let scale = (vehicle.weight(), vehicle.weight() * arm);
@@ -211,8 +215,14 @@ impl Controller {
             force: dead_zone(&smooth.force, self.params.force_dead_zone),
             torque: dead_zone(&smooth.torque, self.params.torque_dead_zone),
         };
-        let mut drive =
-            if input.compliant { wrench_admittance_w + input.setpoint.wrench_w } else { Wrench::ZERO };
+        let mut drive = Wrench::ZERO;
+        if input.compliant {
+            let (filter, asked_w) = (self.admittance.params(), &input.setpoint.wrench_w);
+            let free = &mut state.free_wrench;
+            let felt_w = &wrench_admittance_w;
+            drive = wrench_admittance_w
+                + self.params.free_wrench.step(free, filter, &state.admittance, felt_w, asked_w, dt);
+        }
         // Without all of its rotors the vehicle has other limits.
         if let Some(room) = self.room.as_ref().filter(|_| input.compliant && input.lost_rotors == 0) {
             let rotation_we = state.admittance.rotation * input.setpoint.rotation_we;

@@ -28,6 +28,7 @@ pub mod estimator;
 pub mod examples;
 pub mod filters;
 pub mod flight;
+pub mod free_wrench;
 pub mod model_learning;
 pub mod plant;
 pub mod pose_control;

@@ -103,6 +103,7 @@ fn controller(vehicle: Vehicle) -> Controller {
         torque_dead_zone: 5.0,
         low_pass_hz: 10.0,
         room_torque: 0.0,
+        free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     };

@@ -42,6 +42,7 @@ fn params() -> ControllerParams {
         torque_dead_zone: 0.2,
         low_pass_hz: 10.0,
         room_torque: 0.0,
+        free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     }

@@ -10,7 +10,7 @@ use rtrb::Consumer;
 use tilthex_core::{
     PoseSample,
     estimator::StartError,
-    flight::{Command, HostFacts, MAX_POSES, Record},
+    flight::{Command, HostFacts, MAX_POSES, MotorFault, Record},
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_link::{InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput};
@@ -52,7 +52,7 @@ pub enum End {
         in_flight: bool,
     },
     /// The start of the motors was refused or broken off.
-    Refused(FaultSet),
+    Refused(FaultSet, Option<MotorFault>),
     /// It was not ready to fly in time.
     NotReady {
         /// Why the estimator has not started; `None` where it has, or where no pose came.
@@ -231,9 +231,11 @@ impl ControlLoop {
         } else if self.flags.lands() {
             Some(End::Interrupted)
         } else if let Some((_, faults)) = memory.refused.filter(|(since, faults)| {
-            faults.contains(Fault::StartTimeout) || memory.now - since >= REFUSED_FOR_GOOD
+            faults.contains(Fault::StartTimeout)
+                || faults.contains(Fault::MotorCheck)
+                || memory.now - since >= REFUSED_FOR_GOOD
         }) {
-            Some(End::Refused(faults))
+            Some(End::Refused(faults, self.linked.flight.motor_fault()))
         } else if self.params.patience.is_some_and(|limit| memory.now - memory.begin >= limit) {
             Some(End::NotReady {
                 estimator: self.linked.flight.start_refused(),

@@ -206,7 +206,14 @@ impl World {
             },
         );
         self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, &state));
-        self.telemetry.set_spinning(self.commanded.motors != MotorCommand::Stop);
+        for motor in 0..self.plant.vehicle().rotor_count() {
+            let spinning = match self.commanded.motors {
+                MotorCommand::Stop => false,
+                MotorCommand::Alone(one, _) => one == motor,
+                MotorCommand::Start(_) | MotorCommand::Turn(_) => true,
+            };
+            self.telemetry.set_spinning(motor, spinning);
+        }
         if captures {
             let (position_w, rotation_wr) = self.sensors.pose(&state);
             self.capture.take(time, position_w, rotation_wr);
@@ -242,6 +249,9 @@ impl World {
     fn advance(&mut self) {
         let speeds = match self.commanded.motors {
             MotorCommand::Stop => RotorVector::zeros(),
+            MotorCommand::Alone(one, speeds) => {
+                RotorVector::from_fn(|i, _| if i == one { speeds[i] } else { 0.0 })
+            }
             MotorCommand::Start(speeds) | MotorCommand::Turn(speeds) => speeds,
         };
         // What acts on a period is what acted when it was measured.

@@ -123,7 +123,7 @@ fn length(vector: &Vector3) -> f64 {
     vector.norm()
 }
 
-fn numbers(vector: &Vector3) -> String {
+pub(super) fn numbers(vector: &Vector3) -> String {
     format!("[{:.2}, {:.2}, {:.2}]", vector.x, vector.y, vector.z)
 }
 

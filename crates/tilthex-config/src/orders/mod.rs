@@ -2,6 +2,7 @@
 //! trajectory files. One parser for both, and for the replay of a log.
 
 mod bounds;
+mod place;
 #[cfg(test)]
 mod tests;
 mod text;
@@ -19,6 +20,8 @@ use tilthex_core::{
 
 use crate::{AdmittanceSection, Config, ConfigError, files, section};
 use bounds::Bounds;
+use place::Paddock;
+pub use place::Place;
 use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
 
 /// Reads the orders that go through the loop's ring (`kill` and `land` do not), and checks them against what the
@@ -28,6 +31,7 @@ pub struct Orders {
     limits: Limits,
     admittance: AdmittanceSection,
     bounds: Bounds,
+    paddock: Paddock,
 }
 
 impl Orders {
@@ -38,6 +42,7 @@ impl Orders {
             limits: config.mission().limits(),
             admittance: config.admittance().clone(),
             bounds: Bounds::of(config),
+            paddock: Paddock::of(config),
         }
     }
 
@@ -54,6 +59,14 @@ impl Orders {
         };
         let rest = serde_json::Value::Object(object);
         self.command(&name, rest).map_err(|e| format!("{name}: {e}"))
+    }
+
+    /// Refuses an order that would lead the vehicle out of the geofence.
+    ///
+    /// # Errors
+    /// One sentence: where it would lead, and the bounds.
+    pub fn check_place(&self, command: &Command, place: &Place) -> Result<(), String> {
+        self.paddock.check(command, place)
     }
 
     fn command(&mut self, name: &str, rest: serde_json::Value) -> Result<Command, String> {

@@ -171,3 +171,47 @@ fn a_trajectory_file() {
     assert!(error("").contains("0 way-points"));
     assert!(read_file(Path::new("none.toml")).expect_err("absent").to_string().contains("none.toml"));
 }
+
+const START: Vector3 = Vector3::new(1.0, -2.0, 0.3);
+
+/// Where a flight that began at [`START`] hovers.
+fn place() -> Place {
+    Place { start_w: START, tool_w: Some((START + Vector3::new(0.12, 0.0, 0.2), Matrix3::identity())) }
+}
+
+proptest! {
+    #[test]
+    fn orders_stay_inside_the_geofence(x in -5.0..5.0_f64, y in -5.0..5.0_f64, z in -1.0..5.0_f64) {
+        let mut orders = orders();
+        // The tool of the Tilt-Hex stands 0.12 m before and 0.4 m below its robot.
+        let tool = START + Vector3::new(x + 0.12, y, z - 0.4);
+        let inside = x.abs().max(y.abs()) <= 2.9 && z <= 2.9;
+        let at = format!("[{}, {}, {}]", tool.x, tool.y, tool.z);
+        for line in [
+            format!(r#"{{"command": "play", "waypoint": [{{"position": {at}}}]}}"#),
+            format!(r#"{{"command": "follow", "position": {at}, "rotation": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}}"#),
+        ] {
+            let command = orders.parse(&line).expect("valid");
+            let found = orders.check_place(&command, &place());
+            prop_assert_eq!(found.is_ok(), inside, "{:?}", found);
+            let said = found.err().unwrap_or_default();
+            prop_assert!(inside || said.contains("outside the geofence") && !said.contains('\n'), "{}", said);
+        }
+    }
+}
+
+#[test]
+fn a_wrench_that_would_carry_the_tool_out_is_refused() {
+    let mut orders = orders();
+    let push = orders.parse(r#"{"command": "set_wrench", "force": [3, 0, 0]}"#).expect("valid");
+    assert_eq!(orders.check_place(&push, &place()), Ok(()));
+    let near = START + Vector3::new(2.8, 0.0, 0.2);
+    let edge = Place { start_w: START, tool_w: Some((near, Matrix3::identity())) };
+    let said = orders.check_place(&push, &edge).expect_err("refused");
+    assert!(
+        said.contains("set_wrench") && said.contains("after 0.3 m") && said.contains("[supervisor] geofence"),
+        "{said}"
+    );
+    // On the ground nothing is carried.
+    assert_eq!(orders.check_place(&push, &Place { start_w: START, tool_w: None }), Ok(()));
+}

@@ -1,7 +1,7 @@
 //! What goes into the controller, what moves in it, and what comes out.
 
 use super::{
-    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, LowPassState, ObserverInput,
+    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, FreeWrenchState, LowPassState, ObserverInput,
     PoseCommand, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     WrenchObserverState, tool_wrench,
 };
@@ -17,6 +17,8 @@ pub struct ControllerState {
     pub low_pass: LowPassState,
     /// The admittance filter's.
     pub admittance: AdmittanceState,
+    /// How far a wrench set-point has carried the tool.
+    pub free_wrench: FreeWrenchState,
     /// Wrench (force and torque in R) observed in a contact-free hover: no contact.
     pub bias_r: Wrench,
     /// Its estimator, running while [`ControllerInput::learn_bias`] is set.

@@ -1,6 +1,10 @@
 //! From the state to what the rotors are asked, and to the bytes that ask it.
 
-use super::{Flight, guidance::Descent, io::MotorCommand};
+use super::{
+    Flight,
+    guidance::Descent,
+    io::{Measured, MotorCommand},
+};
 use crate::{
     bias::BiasEstimator,
     controller::{ControllerInput, ControllerState},
@@ -150,11 +154,27 @@ impl Flight {
         finite
     }
 
+    /// Whether each motor has turned alone, where that is asked for, in a start.
+    pub(super) fn check_motors(&mut self, phase: Phase, input: &Measured<'_>, dt: f64) -> bool {
+        let (watch, motors) = (&self.params.watch, input.telemetry.motors());
+        if phase == Phase::Starting && watch.motor_check {
+            self.motor_check.step(motors, input.time, &self.min_speeds, watch.start_timeout, dt);
+        }
+        !watch.motor_check || self.motor_check.passed(motors.len())
+    }
+
     /// What the motors shall do in this phase.
     pub(super) fn motor_command(&self) -> MotorCommand {
         match self.supervisor.phase() {
             Phase::Disarmed => MotorCommand::Stop,
-            Phase::Starting => MotorCommand::Start(self.command),
+            Phase::Starting => {
+                let motors = self.params.vehicle.rotor_count();
+                if self.params.watch.motor_check && !self.motor_check.passed(motors) {
+                    self.motor_check.command(&self.min_speeds)
+                } else {
+                    MotorCommand::Start(self.command)
+                }
+            }
             Phase::Grounded | Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 if self.supervisor.active().contains(Fault::Reboot) {
                     MotorCommand::Start(self.command)

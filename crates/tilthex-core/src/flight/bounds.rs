@@ -1,6 +1,6 @@
 //! Where the flight may be and how a landing must go on: watched on the estimate, whatever it rests on.
 
-use super::landing::ATTEMPTS;
+use super::{fence::Fence, landing::ATTEMPTS};
 use crate::{
     supervisor::{
         Phase,
@@ -11,15 +11,6 @@ use crate::{
 
 /// The lowest point of a descent counts as passed by this much, m.
 const PROGRESS: f64 = 0.05;
-
-/// A box around the start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Fence {
-    /// Half its width along x and y, m.
-    pub(super) sideways: f64,
-    /// How high it is, m.
-    pub(super) up: f64,
-}
 
 /// A descent, as far as it has come.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,6 +44,11 @@ impl Bounds {
         *self = Self { start_w: Some(*start_w), on_ground, descent: None };
     }
 
+    /// Where the flight began, m, world.
+    pub(super) fn start(&self) -> Option<Vector3> {
+        self.start_w
+    }
+
     /// Height above the ground that the flight began on, m; none where it began in the air.
     pub(super) fn height(&self, position_w: &Vector3) -> Option<f64> {
         self.start_w.filter(|_| self.on_ground).map(|start_w| position_w.z - start_w.z)
@@ -69,8 +65,7 @@ impl Bounds {
         dt: f64,
     ) -> Outside {
         let Some(start_w) = self.start_w.filter(|_| phase.in_flight()) else { return Outside::default() };
-        let way_w = robot.position_w - start_w;
-        let beyond = (way_w.x.abs().max(way_w.y.abs()) - fence.sideways).max(way_w.z - fence.up);
+        let beyond = fence.beyond(&start_w, &robot.position_w);
         if !matches!(phase, Phase::Landing | Phase::Emergency) {
             self.descent = None;
             return Outside { fence: beyond > 0.0, landing: false };

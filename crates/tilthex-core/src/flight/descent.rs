@@ -2,8 +2,8 @@
 
 use super::{
     Flight,
-    bounds::Fence,
-    io::Measured,
+    fence::Fence,
+    io::{Measured, Route},
     landing::{self, FREE, Landing, Verdict},
 };
 use crate::{
@@ -97,14 +97,40 @@ impl Flight {
         false
     }
 
+    /// The box in which the vehicle stays.
+    fn fence(&self) -> Fence {
+        Fence { sideways: self.params.watch.geofence, up: self.params.watch.geofence_height }
+    }
+
+    /// Where the flight began, or would begin now, m, world.
+    pub(super) fn start(&self) -> Option<Vector3> {
+        let ready = self.estimator.is_initialized() || self.known.is_some();
+        self.bounds.start().or_else(|| ready.then(|| self.robot_state().position_w))
+    }
+
+    /// Whether a route stays inside the geofence, as far as is known where that is.
+    pub(super) fn keeps(&self, route: &Route) -> bool {
+        let leaves = |start_w| self.fence().leaves(&start_w, self.params.vehicle.tool(), route).is_some();
+        !self.start().is_some_and(leaves)
+    }
+
+    /// Likewise of a streamed set-point.
+    pub(super) fn keeps_setpoint(&self, setpoint: &Setpoint) -> bool {
+        let holds = |start_w| self.fence().holds(&start_w, self.params.vehicle.tool(), setpoint);
+        self.start().is_none_or(holds)
+    }
+
     /// The geofence, and whether a landing comes down.
-    pub(super) fn watch_bounds(&mut self, phase: Phase, conditions: &mut FaultSet, dt: f64) {
+    /// Before the start, whether the route that waits leaves it is returned.
+    pub(super) fn watch_bounds(&mut self, phase: Phase, conditions: &mut FaultSet, dt: f64) -> bool {
         let watch = &self.params.watch;
         let robot = self.robot_state();
-        let fence = Fence { sideways: watch.geofence, up: watch.geofence_height };
+        let fence = self.fence();
         let fast = robot.velocity_w.norm() > watch.max_speed;
         let outside = self.bounds.step(&fence, phase, &robot, (fast, self.landing.attempts()), dt);
-        conditions.insert_if(Fault::Geofence, outside.fence);
+        let strays = !phase.in_flight() && self.route.is_some_and(|route| !self.keeps(&route));
+        conditions.insert_if(Fault::Geofence, outside.fence || strays);
         conditions.insert_if(Fault::LandingFails, outside.landing);
+        strays
     }
 }

@@ -132,6 +132,8 @@ pub struct KnownState {
 pub enum MotorCommand {
     /// Every motor shall stand still.
     Stop,
+    /// This motor alone, from 0, shall start and turn at its speed of these, Hz; every other shall stand still.
+    Alone(usize, RotorVector),
     /// Motors that do not spin shall start; those that do shall turn at these speeds, Hz.
     Start(RotorVector),
     /// Motors that spin shall turn at these speeds, Hz. No motor starts or stops.

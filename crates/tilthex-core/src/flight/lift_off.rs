@@ -3,18 +3,25 @@
 //! Nothing can be told of them on the ground: legs bear whatever the rotors do. In the first decimetres a good vehicle
 //! stays level over its start; one that does not is stopped while that is gentle.
 
-use super::{Flight, capture::Contradiction};
+use super::{Flight, capture::Contradiction, witness::Witness};
 use crate::{
-    so3,
+    GRAVITY, so3,
     supervisor::{
         Fault, FaultSet, Phase,
         limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME},
     },
-    types::Vector3,
+    types::{PoseSample, Vector3},
+    ukf::Navigation,
 };
 
 /// External torques above this part of the weight at the farthest rotor are none of a good vehicle's.
 const TORQUE: f64 = 0.08;
+/// A captured body that has come this far along what is felt, m, follows it late.
+const FOLLOWS: f64 = 0.01;
+/// One that differs from what is felt to the side, by this part of the difference, goes elsewhere.
+const ASTRAY: f64 = 0.7;
+/// A captured body that has come this far the wrong way up, m, and as a part of what is felt, shows a mirror image.
+const REVERSED: (f64, f64) = (0.02, 0.5);
 
 /// A vehicle that is faster than this, m/s and rad/s, is not stopped.
 const FAST: (f64, f64) = (2.0, 4.0);
@@ -24,6 +31,8 @@ const FAST: (f64, f64) = (2.0, 4.0);
 pub(super) struct LiftOff {
     /// Time since the take-off began, s; none where it is over.
     since: Option<f64>,
+    /// Until the mission begins: what poses and accelerometer say of the same motion.
+    witness: Option<Witness>,
     /// What has gone wrong.
     pub(super) fault: Option<Fault>,
 }
@@ -31,7 +40,22 @@ pub(super) struct LiftOff {
 impl LiftOff {
     /// A take-off begins.
     pub(super) fn begin(&mut self) {
-        *self = Self { since: Some(0.0), fault: None };
+        *self = Self { since: Some(0.0), witness: Some(Witness::default()), fault: None };
+    }
+
+    /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
+    pub(super) fn feel(&mut self, state: &Navigation, specific_force_i: &Vector3, time: f64, dt: f64) {
+        if let Some(witness) = &mut self.witness {
+            let felt_w = state.rotation_wi * (specific_force_i - state.accelerometer_bias_i);
+            witness.feel(&(felt_w - Vector3::new(0.0, 0.0, GRAVITY)), time, dt);
+        }
+    }
+
+    /// Takes a captured pose.
+    pub(super) fn see(&mut self, pose: &PoseSample) {
+        if let Some(witness) = &mut self.witness {
+            witness.see(pose);
+        }
     }
 }
 
@@ -49,7 +73,13 @@ impl Flight {
         } else {
             None
         };
-        for known in [Fault::MotorOrder, Fault::CaptureAxes, Fault::LiftOff] {
+        for known in [
+            Fault::MotorOrder,
+            Fault::CaptureAxes,
+            Fault::CaptureMirrored,
+            Fault::CaptureLate,
+            Fault::LiftOff,
+        ] {
             conditions.insert_if(known, self.lift_off.fault == Some(known));
         }
         abort
@@ -63,6 +93,14 @@ impl Flight {
         dt: f64,
     ) -> Option<Fault> {
         let watch = &mut self.lift_off;
+        // A delay shows in the first hover at the latest.
+        if self.guidance.ready() || matches!(phase, Phase::Landing | Phase::Emergency) {
+            watch.witness = None;
+        }
+        let (late, mirrored) = watch.witness.as_ref().map_or((false, false), |w| (w.late(), w.mirrored()));
+        if late && watch.since.is_none() {
+            watch.fault = Some(Fault::CaptureLate);
+        }
         let since = watch.since? + dt;
         watch.since = Some(since).filter(|since| *since < LIFT_OFF_TIME && phase.in_flight());
         let robot = self.robot_state();
@@ -77,25 +115,41 @@ impl Flight {
         let aside = output.pose.position_error_w.xy().norm() > LIFT_OFF_ASIDE;
         let tilted = turned.norm() > LIFT_OFF_TILT.to_radians();
         let fault = if let Some(contradiction) = contradiction {
-            Some(cause_of(contradiction))
+            Some(self.cause_of(contradiction))
         } else if tilted || aside {
             let torque = output.contact(&robot, &self.control.bias_r).torque.norm();
             let wrong = torque > TORQUE * self.controller.weight_at_arm();
             Some(if tilted && wrong { Fault::MotorOrder } else { Fault::LiftOff })
         } else {
-            None
+            late.then_some(Fault::CaptureLate)
         };
+        let fault = fault.map(|fault| match (late, mirrored) {
+            (true, _) => Fault::CaptureLate,
+            (false, true) => Fault::CaptureMirrored,
+            (false, false) => fault,
+        });
         self.lift_off.fault = fault;
         // Where it runs or tumbles already, flying on to a landing is gentler.
         fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
     }
-}
 
-/// Whether it is the axes: where the vehicle feels that it moves one way, and is captured on another.
-fn cause_of(contradiction: &Contradiction) -> Fault {
-    let felt_w: Vector3 = contradiction.reckoned.position_w - contradiction.from_w;
-    let captured_w = contradiction.estimate.position_w - contradiction.from_w;
-    let sizes = felt_w.norm() * captured_w.norm();
-    let along = felt_w.dot(&captured_w);
-    if sizes > 1e-4 && along < 0.8 * sizes { Fault::CaptureAxes } else { Fault::PoseContradicts }
+    /// What makes captured body and IMU contradict each other, by where each of them has gone.
+    fn cause_of(&self, contradiction: &Contradiction) -> Fault {
+        let felt_w: Vector3 = contradiction.reckoned.position_w - contradiction.from_w;
+        let captured_w = contradiction.estimate.position_w - contradiction.from_w;
+        let seen_w = self.lift_off.witness.as_ref().map_or_else(Vector3::zeros, Witness::way);
+        let sizes = felt_w.norm() * captured_w.norm();
+        let along = felt_w.dot(&captured_w);
+        if seen_w.z < -REVERSED.0.max(REVERSED.1 * felt_w.z) {
+            Fault::CaptureMirrored
+        } else if sizes > 1e-4 && along < 0.8 * sizes {
+            Fault::CaptureAxes
+        } else if (felt_w - seen_w).xy().norm() > ASTRAY * (felt_w - seen_w).norm() {
+            if seen_w.norm() > FOLLOWS { Fault::CaptureAxes } else { Fault::PoseContradicts }
+        } else if seen_w.dot(&felt_w) > FOLLOWS * felt_w.norm() {
+            Fault::CaptureLate
+        } else {
+            Fault::PoseContradicts
+        }
+    }
 }

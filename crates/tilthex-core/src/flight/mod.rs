@@ -10,6 +10,7 @@ mod airborne;
 mod bounds;
 mod capture;
 mod descent;
+mod fence;
 mod guidance;
 mod gyro_doubt;
 mod io;
@@ -17,6 +18,7 @@ mod landing;
 mod late;
 mod lift_off;
 mod model;
+mod motor_check;
 mod record;
 mod room;
 mod rotors;
@@ -25,11 +27,14 @@ mod stopped;
 mod telemetry;
 mod thrust;
 mod watch;
+mod witness;
 
 pub use airborne::AirborneStart;
+pub use fence::{Fence, robot_position};
 pub use guidance::GuidanceParams;
 pub use io::{Command, Commanded, HostFacts, KnownState, MAX_POSES, Measured, MotorCommand, Route};
 pub use model::ModelRecord;
+pub use motor_check::MotorFault;
 pub use record::{InputRecord, LinkCounters, Record};
 pub use telemetry::{Inertial, InertialTelemetry, LinkState, MAX_SAMPLES, Motor, Telemetry};
 pub use watch::WatchParams;
@@ -49,6 +54,7 @@ use landing::{FREE, Landing, Lift};
 use late::Pending;
 use lift_off::LiftOff;
 use model::ModelState;
+use motor_check::MotorCheck;
 use rotors::RotorModel;
 use stopped::StoppedWatch;
 use thrust::ThrustWatch;
@@ -111,6 +117,7 @@ pub struct Flight {
     time: Option<f64>,
     tick: u64,
     ramp: f64,
+    motor_check: MotorCheck,
     landing: Landing,
     /// What the rotors carry at least and at most while the reference does not yield.
     lift: Lift,
@@ -167,6 +174,7 @@ impl Flight {
             time: None,
             tick: 0,
             ramp: 0.0,
+            motor_check: MotorCheck::default(),
             landing: Landing::default(),
             lift: FREE,
             bounds: Bounds::default(),
@@ -192,6 +200,12 @@ impl Flight {
     #[must_use]
     pub fn start_refused(&self) -> Option<StartError> {
         self.start_refused
+    }
+
+    /// What is wrong with a motor, by the check of each one alone.
+    #[must_use]
+    pub fn motor_fault(&self) -> Option<MotorFault> {
+        self.motor_check.fault()
     }
 
     /// The state estimator.
@@ -236,7 +250,12 @@ impl Flight {
         self.setpoint_refused = false;
         match command {
             None => {}
-            Some(Command::TakeOff) => self.take_off = true,
+            Some(Command::TakeOff) => {
+                self.take_off = true;
+                if self.motor_check.fault().is_some() {
+                    self.motor_check = MotorCheck::default();
+                }
+            }
             Some(Command::ZeroBias) => self.zero_bias(),
             Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
@@ -248,13 +267,14 @@ impl Flight {
                 // Held as well: a hold for want of streamed set-points ends with the route.
                 if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
                 {
-                    self.setpoint_refused = !self.guidance.play(route);
+                    self.setpoint_refused = !(self.keeps(route) && self.guidance.play(route));
                 } else {
                     self.route = Some(*route);
                 }
             }
             Some(Command::Follow(setpoint)) => {
-                self.setpoint_refused = !(self.guidance.ready() && self.guidance.follow(setpoint));
+                let kept = self.guidance.ready() && self.keeps_setpoint(setpoint);
+                self.setpoint_refused = !(kept && self.guidance.follow(setpoint));
             }
         }
     }
@@ -298,7 +318,9 @@ impl Flight {
         conditions.insert_if(Fault::ThrustLost, self.without_thrust != 0);
         conditions.insert_if(Fault::RotorLost, self.adrift);
         conditions.insert_if(Fault::CalibrationRefused, self.model.is_refused());
-        self.watch_bounds(before, &mut conditions, dt);
+        let strays = self.watch_bounds(before, &mut conditions, dt);
+        let checked = self.check_motors(before, input, dt);
+        conditions.insert_if(Fault::MotorCheck, self.motor_check.fault().is_some());
         let contradiction = self.watch_capture(before, &mut conditions, dt);
         let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
         // An order to take off does not wait for whoever speaks next.
@@ -306,10 +328,10 @@ impl Flight {
         let facts = Facts {
             link_ready: input.telemetry.link.ready,
             estimate_ready: self.estimator.is_initialized() || self.known.is_some(),
-            all_spinning: input.telemetry.all_spinning(),
+            all_spinning: checked && input.telemetry.all_spinning(),
             ramp_done: self.ramp >= actuation::RAMP,
             touchdown: self.descend(input, rotor_speeds, dt),
-            take_off: self.take_off,
+            take_off: self.take_off && !strays,
             kill: input.host.kill,
             abort,
         };
@@ -327,14 +349,15 @@ impl Flight {
         }
         let waiting = self.guidance.ready() && phase == Phase::Flying;
         if let Some(route) = self.route.take_if(|_| waiting) {
-            self.route_refused = !self.guidance.play(&route);
+            self.route_refused = !(self.keeps(&route) && self.guidance.play(&route));
         }
     }
 
     /// What a change of phase begins.
     fn change(&mut self, before: Phase, phase: Phase) {
         match phase {
-            Phase::Starting | Phase::Grounded => self.ramp = 0.0,
+            Phase::Starting => self.motor_check = MotorCheck::default(),
+            Phase::Grounded => self.ramp = 0.0,
             Phase::Flying if before == Phase::Grounded => {
                 self.control = ControllerState::default();
                 let robot = self.robot_state();

@@ -63,6 +63,8 @@ pub struct Record {
     pub phase: Phase,
     /// Faults that last.
     pub faults: FaultSet,
+    /// Where the flight began, or would begin now: the robot's position, m, world.
+    pub start_w: Option<Vector3>,
     /// Estimated pose and twist of the robot.
     pub state: RobotState,
     /// When they held: the time of the newest inertial sample, s, as of `input.time`.
@@ -142,6 +144,7 @@ impl Default for Record {
             },
             phase: Phase::Disarmed,
             faults: FaultSet::NONE,
+            start_w: None,
             state: RobotState::at_rest(zero),
             state_time: 0.0,
             gyro_bias_i: zero,
@@ -192,6 +195,7 @@ impl Flight {
         record.phase = self.supervisor.phase();
         record.faults = self.supervisor.active();
         let estimator = &self.estimator;
+        record.start_w = self.start();
         record.state = self.robot_state();
         record.state_time = if input.known.is_some() { input.time } else { estimator.time() };
         record.gyro_bias_i = estimator.gyro_bias();

@@ -43,6 +43,7 @@ impl Flight {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
             let dt = (s.time - last).max(0.0);
+            self.lift_off.feel(&self.estimator.navigation(), &s.specific_force_i, s.time, dt);
             self.capture.feel(&s.gyro_i, &s.specific_force_i, self.estimator.missed_velocity(dt), dt);
             last = s.time;
         }
@@ -71,6 +72,7 @@ impl Flight {
                 continue;
             }
             if self.estimator.is_initialized() {
+                self.lift_off.see(pose);
                 self.estimator.update_pose(pose);
             } else if pose.tracking_valid && pose.is_finite() {
                 // The reason, until it succeeds, is what the operator is told.

@@ -170,9 +170,11 @@ impl Telemetry {
         (self.link.identified, self.link.ready, self.link.heard) = (true, true, now);
     }
 
-    /// Whether every motor spins, where they start and stop at once.
-    pub fn set_spinning(&mut self, spinning: bool) {
-        self.motors.iter_mut().for_each(|motor| motor.spinning = spinning);
+    /// Whether a motor, from 0, spins, where they start and stop at once.
+    pub fn set_spinning(&mut self, index: usize, spinning: bool) {
+        if let Some(motor) = self.motor_mut(index) {
+            motor.spinning = spinning;
+        }
     }
 
     /// What is known of the motors.

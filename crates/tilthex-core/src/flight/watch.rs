@@ -30,6 +30,8 @@ pub struct WatchParams {
     pub max_torque: f64,
     /// Longest time from the first start command to the last motor's spinning, s.
     pub start_timeout: f64,
+    /// Whether each motor is tried alone before all of them start.
+    pub motor_check: bool,
     /// Half the width of the box around the start in which the vehicle stays, m.
     pub geofence: f64,
     /// Height of that box above the start, m.

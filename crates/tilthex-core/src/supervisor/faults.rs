@@ -78,6 +78,9 @@ pub enum Fault {
     MotorOrder = 49,
     CaptureAxes = 50,
     LiftOff = 51,
+    MotorCheck = 52,
+    CaptureMirrored = 53,
+    CaptureLate = 54,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -159,7 +162,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
 }
 
 /// Number of faults.
-pub const COUNT: usize = 52;
+pub const COUNT: usize = 55;
 
 /// Every fault, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -192,7 +195,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::Excursion, "excursion", s("the admittance filter at its excursion limit", &[]), (0.5, 0.2), (Note, Hold), s("the tool is held back or pushed too far", &[])),
     row(Fault::WrenchLimit, "external wrench", s("estimated tool force or torque above its limit", &[]), (0.1, 0.5), (Note, Hold), s("", &[])),
     row(Fault::SetpointStale, "set-point stale", s("a streamed set-point older than {} s", &[l::SETPOINT_STALE]), (0.0, 0.0), (Note, Hold), s("the last one is held", &[])),
-    row(Fault::SetpointJump, "set-point refused", s("a set-point that is not finite, or jumps", &[]), (0.0, 0.2), (Note, Hold), s("the last good one is held", &[])),
+    row(Fault::SetpointJump, "set-point refused", s("a set-point that is not finite, jumps, or is outside the geofence", &[]), (0.0, 0.2), (Note, Hold), s("the last good one is held", &[])),
     row(Fault::SetpointInfeasible, "set-point infeasible", s("rotors at their limits", &[]), (0.5, 0.5), (Note, Hold), s("slow the trajectory or tilt less", &[])),
     row(Fault::Overrun, "loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN]), (0.0, 0.1), (Note, Note), s("whole periods are skipped; the measured time enters the laws", &[])),
     row(Fault::OverrunLong, "long loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN_LONG]), (0.0, 1.0), (Note, Hold), s("the vehicle's watchdog took the rotors to their lowest speed after {} ms", &[1e3 * l::VEHICLE_WATCHDOG])),
@@ -206,16 +209,19 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::CalibrationRefused, "calibration refused", s("the hovers of a calibration flight do not tell the model: something touched the vehicle, or it moved", &[]), (0.0, 0.0), (Note, Note), s("the configured model is kept; the mean wrench of the next hover is the bias", &[])),
     row(Fault::OperatorGone, "operator silent", s("nothing heard of the operator, whose orders are flown, for `[supervisor] operator_timeout`", &[]), (0.0, 0.2), (Refuse, Hold), s("any line on the control socket from whoever holds the controls ends it", &[])),
     row(Fault::OperatorGoneForGood, "operator gone", s("the operator silent for another {} s", &[l::OPERATOR_GONE_FOR_GOOD]), (l::OPERATOR_GONE_FOR_GOOD, 0.5), (Refuse, Land), s("the vehicle does not wait for an operator who is gone", &[])),
-    row(Fault::Geofence, "geofence", s("the vehicle outside `[supervisor] geofence` around its start, or higher than `geofence_height` above it", &[]), (0.1, 0.5), (Note, Land), s("plan the mission inside it, or widen it", &[])),
+    row(Fault::Geofence, "geofence", s("the vehicle outside `[supervisor] geofence` around its start, or higher than `geofence_height` above it; before the start, a route that leaves it", &[]), (0.1, 0.5), (Refuse, Land), s("plan the mission inside it, or widen it", &[])),
     row(Fault::LandingFails, "landing fails", s("a descent that comes no lower for {} s, rises by {} m, moves aside by {} m, passes the geofence by {} m or the largest speed, or is stopped again and again by what is not the ground", &[l::LANDING_STOPS, l::LANDING_RISES, l::LANDING_ASIDE, l::FENCE_MARGIN]), (0.0, 1.0), (Note, Descend), s("down at {} m/s wherever it is, with less and less thrust where it does not sink", &[l::FORCED_SPEED])),
     row(Fault::BiasRefused, "bias not learnt", s("the wrench in the hover to learn from is not small and steady, or the set-point moves", &[]), (0.0, 1.0), (Note, Note), s("the bias stays as it was; free the tool, let it rest, and order zero_bias", &[])),
     row(Fault::LineLate, "line late", s("inertial samples that come {} ms later than they used to, by their numbers", &[1e3 * l::LINE_LATE]), (0.0, 0.5), (Refuse, Land), s("slower control that bears the delay; check the adapter, its driver and the load of the machine", &[])),
     row(Fault::MotorDataWrong, "motor data wrong", s("a motor that measures standstill for {} ms while its rotor lifts", &[1e3 * l::STOPPED_AFTER]), (1.0, 0.5), (Refuse, Land), s("the commanded speed through the rotor's lag stands in; check the motor's telemetry", &[])),
     row(Fault::PoseFrozen, "pose frozen", s("the same pose to the bit for {} s, while the IMU's readings change", &[l::POSE_FROZEN]), (0.0, 0.2), (Refuse, Hold), s("it does not count as a pose; check that the body is tracked", &[])),
-    row(Fault::PoseContradicts, "pose contradicts the IMU", s("poses and IMU {} m or {} m/s apart within {} s, and the rotors' thrust agrees with the IMU", &[l::CAPTURE_AGREES.0, l::CAPTURE_AGREES.1, l::CAPTURE_WINDOW]), (0.0, 1.0), (Refuse, Land), s("no pose is believed any more; lands on IMU and model; check that the body is tracked and is the vehicle's", &[])),
+    row(Fault::PoseContradicts, "pose contradicts the IMU", s("poses and IMU {} m or {} m/s apart within {} s, and the rotors' thrust agrees with the IMU", &[l::CAPTURE_AGREES.0, l::CAPTURE_AGREES.1, l::CAPTURE_WINDOW]), (0.0, 1.0), (Refuse, Land), s("no pose is believed any more; lands on IMU and model; check that the body is tracked and is the vehicle's, and how late its poses are", &[])),
     row(Fault::MotorOrder, "motor order", s("just after lift-off the vehicle turns by {} degrees, and not as the motors should turn it", &[l::LIFT_OFF_TILT]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check number, spin direction and propeller of each motor", &[l::LIFT_OFF])),
-    row(Fault::CaptureAxes, "capture axes", s("just after lift-off the captured body moves elsewhere than the vehicle feels", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check the up axis of motion capture, and the yaw at which the body is defined", &[l::LIFT_OFF])),
-    row(Fault::LiftOff, "lift-off", s("just after lift-off the vehicle leaves its place by {} m or its attitude by {} degrees", &[l::LIFT_OFF_ASIDE, l::LIFT_OFF_TILT]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check the latency of motion capture, mass and thrust coefficients", &[l::LIFT_OFF])),
+    row(Fault::CaptureAxes, "capture axes", s("just after lift-off the captured body moves elsewhere than the vehicle feels", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check the up axis of motion capture, that its axes are right-handed, and the yaw at which the body is defined", &[l::LIFT_OFF])),
+    row(Fault::LiftOff, "lift-off", s("just after lift-off the vehicle leaves its place by {} m or its attitude by {} degrees", &[l::LIFT_OFF_ASIDE, l::LIFT_OFF_TILT]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check mass, thrust coefficients and what holds the vehicle", &[l::LIFT_OFF])),
+    row(Fault::MotorCheck, "motor check", s("before the start, each motor is spun alone: one does not turn, not at its speed, or another turns in its place", &[]), (0.0, 0.0), (Refuse, Note), s("no motor is started; the message names the motor", &[])),
+    row(Fault::CaptureMirrored, "capture mirrored", s("just after lift-off the captured body moves as a mirror image of what the vehicle feels", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check that motion capture streams right-handed axes", &[l::LIFT_OFF])),
+    row(Fault::CaptureLate, "capture late", s("just after lift-off the captured body follows what the vehicle feels by {} ms or more", &[1e3 * l::CAPTURE_LATE]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`", &[l::LIFT_OFF])),
 ];
 
 /// A set of faults.

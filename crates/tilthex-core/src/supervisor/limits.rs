@@ -46,6 +46,8 @@ pub const LIFT_OFF_TIME: f64 = 3.0;
 pub const LIFT_OFF_TILT: f64 = 9.0;
 /// And its place by less than this, m.
 pub const LIFT_OFF_ASIDE: f64 = 0.1;
+/// Poses that are older by this than motion capture says are a fault of a lift-off, s.
+pub const CAPTURE_LATE: f64 = 0.04;
 /// A pose that is older than this is late, s.
 pub const POSE_LATE: f64 = 0.05;
 /// Without a usable pose for longer than this the pose is lost, s.

@@ -56,6 +56,8 @@ pub struct Host {
     text: Option<(Severity, Text)>,
     motor_asked: f64,
     next_motor: usize,
+    /// The motor that is driven alone, from 0.
+    alone: Option<usize>,
     /// Motors have been started or turned since the last stop, and until when stops are repeated, s.
     driven: bool,
     insist: f64,
@@ -88,6 +90,7 @@ impl Host {
             text: None,
             motor_asked: LONG_AGO,
             next_motor: 0,
+            alone: None,
             driven: false,
             insist: LONG_AGO,
         })
@@ -196,6 +199,23 @@ impl Host {
         }
     }
 
+    /// Starts one motor and stops every other that turns: at once where it was not this one until now, then ten times a
+    /// second.
+    fn send_alone(&mut self, motor: usize, now: f64, out: &mut Outgoing) {
+        let at_once = self.alone.replace(motor) != Some(motor);
+        if !at_once && now - self.motor_asked < MOTOR_COMMAND_EVERY {
+            return;
+        }
+        for (index, known) in self.telemetry.motors().iter().enumerate() {
+            let turns = known.spinning || known.starting;
+            let message = if index == motor { HostMessage::Start } else { HostMessage::Stop };
+            if turns != (index == motor) {
+                out.append(|b| message(index as u8 + 1).encode(b));
+                self.motor_asked = now;
+            }
+        }
+    }
+
     /// Stops all motors: at once where they were driven until now, then ten times a second while one of them
     /// spins, and for a while in any case.
     fn send_stop(&mut self, now: f64, out: &mut Outgoing) {
@@ -266,8 +286,15 @@ impl VehicleLink for Host {
 
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
         self.driven |= !matches!(command, MotorCommand::Stop);
+        if !matches!(command, MotorCommand::Alone(..)) {
+            self.alone = None;
+        }
         match command {
             MotorCommand::Stop => self.send_stop(now, out),
+            MotorCommand::Alone(motor, speeds) => {
+                self.send_speeds(speeds, out);
+                self.send_alone(*motor, now, out);
+            }
             MotorCommand::Start(speeds) => {
                 self.send_speeds(speeds, out);
                 self.send_start(now, out);

@@ -154,7 +154,10 @@ pub(super) fn outcome(
         Some(End::LinkLost { in_flight: false }) => {
             Err(Failure::link(format!("{port} went away: check cable and adapter")))
         }
-        Some(End::Refused(faults)) => {
+        Some(End::Refused(_, Some(motor))) => {
+            Err(Failure::fault(format!("the motors were not started: {motor}")))
+        }
+        Some(End::Refused(faults, None)) => {
             Err(Failure::fault(format!("the motors were not started: {}", causes(faults))))
         }
         Some(End::NotReady { link_ready: false, .. }) => Err(Failure::link(format!(

@@ -3,7 +3,7 @@
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rtrb::Producer;
-use tilthex_config::orders::Orders;
+use tilthex_config::orders::{Orders, Place};
 use tilthex_core::{flight::Command, supervisor::Phase};
 
 use super::places::Id;
@@ -75,7 +75,8 @@ impl Desk {
     /// # Errors
     /// One sentence: who else holds the controls, what is wrong with it, or why it cannot be obeyed now.
     pub(super) fn order(&self, client: &Client, name: &str, line: String, now: Nanos) -> Result<(), String> {
-        let situation = self.observer.look(|latest| Situation::of(latest, &self.flags));
+        let (situation, place) =
+            self.observer.look(|latest| (Situation::of(latest, &self.flags), place(latest)));
         let mut counter = self.counter();
         match &counter.holder {
             Some((id, holder)) if *id != client.id => {
@@ -90,6 +91,9 @@ impl Desk {
         let command = orders.parse(&line)?;
         if let Some(reason) = situation.refusal(&command, counter.streams) {
             return Err(format!("{name}: {reason}"));
+        }
+        if let Some(place) = place {
+            orders.check_place(&command, &place)?;
         }
         if counter.ring.is_full() {
             return Err("the loop has not taken the orders before this one; try again".into());
@@ -132,6 +136,14 @@ impl Desk {
     pub(super) fn leave(&self, client: Id) {
         self.counter().holder.take_if(|(id, _)| *id == client);
     }
+}
+
+/// Where the flight began, or would begin, and where its tool is.
+fn place(latest: &Latest) -> Option<Place> {
+    let record = &latest.tick.as_ref()?.record;
+    let start_w = record.start_w?;
+    let reference = (record.reference.position_w, record.reference.rotation_we);
+    Some(Place { start_w, tool_w: record.phase.in_flight().then_some(reference) })
 }
 
 /// Whether somebody must stay there who has ordered this.

@@ -88,6 +88,18 @@ fn motors_do_not_start_on_a_frozen_pose() {
 }
 
 #[test]
+fn a_pose_that_freezes_while_the_motors_start_is_seen_before_it_is_high() {
+    for (after, seed) in [(1.5, 123), (5.0, 124), (7.8, 125)] {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        freeze(&mut world, after, f64::INFINITY, 0.0);
+        world.until(30.0, |w| w.linked.finished());
+        let what = format!("{after}: {:?}, {:.2} m high", world.phase(), world.highest);
+        assert!(world.highest < 0.5 && world.farthest < 0.5, "{what}");
+        assert!(world.phase() == Phase::Disarmed && world.saw(Fault::PoseFrozen), "{what}");
+    }
+}
+
+#[test]
 fn a_frozen_pose_that_moves_again_lands_or_flies_on() {
     let mut world = World::preset("tilt-hex", "measured", 122);
     world.fly();

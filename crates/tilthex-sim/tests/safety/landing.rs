@@ -1,12 +1,13 @@
 //! A landing ends on the ground, whatever pushes the vehicle and whatever the admittance was.
 
-use crate::world::World;
 use std::path::Path;
+
+use crate::world::World;
+use proptest::prelude::*;
 use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_core::{
     Vector3,
     plant::SensorParams,
-    random::Random,
     supervisor::{Fault, Phase},
 };
 
@@ -41,31 +42,88 @@ fn a_landing_first_backs_away_from_what_the_tool_touches() {
     assert!(world.land(30.0) && world.stopped_at.unwrap() < GROUND);
 }
 
-/// Pushes of any direction and size, anywhere on the vehicle, on vehicles 20 % off their model.
-#[test]
-fn motors_never_stop_in_the_air_whatever_pushes() {
+/// A landing that is made hard.
+#[derive(Clone, Copy, Debug)]
+struct Hard {
+    /// Chooses the true vehicle and the sensors' noise.
+    seed: u64,
+    /// Believed mass by the true one's.
+    believed: f64,
+    /// The push, of the weight, world, and where it acts: at the tool, or a place of the airframe, m.
+    push: Vector3,
+    at: Option<Vector3>,
+    /// When it begins and when it ends, s, from the landing's order on.
+    begins: f64,
+    ends: f64,
+    /// How far the tool stands below the feet, m, where it does.
+    below: Option<f64>,
+}
+
+fn hard() -> impl Strategy<Value = Hard> {
+    let vector = |size: f64| prop::array::uniform3(-1.0..1.0_f64).prop_map(move |v| Vector3::from(v) * size);
+    (
+        any::<u64>(),
+        0.8..1.2_f64,
+        (vector(1.0), 0.0..0.9_f64),
+        prop::option::of(vector(0.4)),
+        (-3.0..6.0_f64, 0.5..30.0_f64),
+        prop::option::weighted(0.3, 0.01..0.15_f64),
+    )
+        .prop_map(|(seed, believed, (direction, size), at, (begins, length), below)| Hard {
+            seed,
+            believed,
+            push: direction.try_normalize(1e-3).unwrap_or_default() * size,
+            at,
+            begins,
+            ends: begins + length,
+            below,
+        })
+}
+
+/// Height of the lowest point, the tool's tip included where it stands below the feet, at which motors were stopped.
+fn stopped_at(hard: &Hard) -> Option<f64> {
     let model = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
-    let mass = model.vehicle().vehicle().mass();
-    for seed in 300..324 {
-        let mut random = Random::new(seed);
-        let drawn = TruthSection::named("measured").unwrap().draw(model.vehicle(), seed).unwrap();
-        let believed = [1.0, 0.8, 1.2][seed as usize % 3] * mass;
-        let text = format!("[vehicle]\npreset = \"tilt-hex\"\nmass = {believed}\n");
-        let config = Config::from_text(&text, Path::new("")).unwrap();
-        let mut world = World::of(&config, drawn.plant().unwrap(), SensorParams::EXPERIMENTS, None, seed);
-        world.fly();
-        let weight = world.simulation.vehicle().weight();
-        let direction = random.normal3(1.0).normalize();
-        let tool = world.tool();
-        let at = if random.uniform() < 0.5 { tool } else { random.normal3(0.15) };
-        world.push(direction * (0.9 * weight * random.uniform()), at);
-        world.run(3.0 * random.uniform());
-        world.host.land = true;
-        world.ends(40.0);
-        if let Some(height) = world.stopped_at {
-            assert!(height < GROUND, "seed {seed}: motors stopped at {height:.2} m");
-        }
+    let drawn = TruthSection::named("measured").unwrap().draw(model.vehicle(), hard.seed).unwrap();
+    let plant = drawn.plant().unwrap();
+    let text =
+        format!("[vehicle]\npreset = \"tilt-hex\"\nmass = {}\n", hard.believed * plant.vehicle().mass());
+    let config = Config::from_text(&text, Path::new("")).unwrap();
+    let reach = -plant.vehicle().tool().position_r.z;
+    let leg = hard.below.map(|below| (reach - below).max(0.12));
+    let mut world = World::of(&config, plant, SensorParams::EXPERIMENTS, leg, hard.seed);
+    if !world.until(30.0, |w| w.linked.flight.on_mission() || w.stopped_at.is_some())
+        || world.stopped_at.is_some()
+    {
+        return world.stopped_at;
     }
+    world.cruelty.borrow_mut().tip = hard.below.is_some();
+    let force = hard.push * world.simulation.vehicle().weight();
+    let at = hard.at.unwrap_or_else(|| world.tool());
+    let begin = world.now() + (-hard.begins).max(0.0);
+    while world.stopped_at.is_none() && world.now() < begin + 60.0 {
+        let since = world.now() - begin;
+        world.host.land = since > 0.0;
+        let pushes = (hard.begins..hard.ends).contains(&since);
+        world.push(if pushes { force } else { Vector3::zeros() }, at);
+        world.tick(None);
+    }
+    world.stopped_at
+}
+
+proptest! {
+    // A flight each; PROPTEST_CASES asks for another number, as `make landings` does.
+    #![proptest_config(ProptestConfig { max_shrink_iters: 60, ..ProptestConfig::with_cases(cases()) })]
+
+    #[test]
+    fn motors_never_stop_in_the_air_whatever_pushes(hard in hard()) {
+        let stopped = stopped_at(&hard);
+        prop_assert!(stopped.is_none_or(|height| height < GROUND), "motors stopped at {:.2} m", stopped.unwrap_or(0.0));
+    }
+}
+
+/// In CI few.
+fn cases() -> u32 {
+    std::env::var("PROPTEST_CASES").ok().and_then(|text| text.parse().ok()).unwrap_or(16)
 }
 
 #[test]
@@ -79,7 +137,7 @@ fn a_tool_that_stands_below_the_feet_does_not_stop_motors_in_the_air() {
     world.cruelty.borrow_mut().tip = true;
     world.host.land = true;
     world.ends(60.0);
-    assert!(world.stopped_at.is_none_or(|height| height < 0.2), "{:?}", world.stopped_at);
+    assert!(world.stopped_at.is_none_or(|height| height < GROUND), "{:?}", world.stopped_at);
 }
 
 #[test]

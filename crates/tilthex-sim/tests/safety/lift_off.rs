@@ -1,7 +1,10 @@
 //! Wiring, axes and mounting that show before the ramp or in the first decimetres.
 
 use crate::world::World;
-use tilthex_core::{PoseSample, Vector3, so3, supervisor::Fault};
+use tilthex_core::{
+    Matrix3, PoseSample, Vector3, so3,
+    supervisor::{Fault, TABLE},
+};
 
 /// It never rises, or is stopped in the first decimetres, and does not get far.
 fn ends_gently(world: &mut World, what: &str) {
@@ -72,5 +75,85 @@ fn good_vehicles_are_not_stopped() {
             let why = world.linked.flight.start_refused().map(|e| e.to_string());
             assert!(flew, "{preset} {truth} {seed}: {seen:?} {why:?}");
         }
+    }
+}
+
+/// What comes of a take-off with a capture system that changes every pose in the same way.
+fn with_capture(seed: u64, change: impl Fn(PoseSample) -> PoseSample + 'static, what: &str) -> Option<Fault> {
+    let mut world = World::preset("tilt-hex", "measured", seed);
+    world.capture = Box::new(move |_, pose| Some(change(pose)));
+    ends_gently(&mut world, what);
+    world.ended_by()
+}
+
+#[test]
+fn mirrored_streams_and_positions_in_other_axes_end_gently() {
+    for (axis, name) in [(0, "x"), (1, "y"), (2, "z")] {
+        let mut mirror = Matrix3::identity();
+        mirror[(axis, axis)] = -1.0;
+        let whole = move |pose: PoseSample| PoseSample {
+            position_w: mirror * pose.position_w,
+            rotation_wr: mirror * pose.rotation_wr * mirror,
+            ..pose
+        };
+        let ended = with_capture(163, whole, &format!("mirrored {name}"));
+        let ends = [Fault::CaptureMirrored, Fault::CaptureAxes];
+        assert!(ended.is_some_and(|fault| ends.contains(&fault)), "mirrored {name}: {ended:?}");
+        assert!(axis < 2 || ended == Some(Fault::CaptureMirrored));
+        let places = move |pose: PoseSample| PoseSample { position_w: mirror * pose.position_w, ..pose };
+        let ended = with_capture(164, places, &format!("places mirrored {name}"));
+        assert!(ended.is_some_and(|fault| ends.contains(&fault)), "places mirrored {name}: {ended:?}");
+    }
+    for degrees in [90.0_f64, -90.0, 180.0] {
+        let turn = so3::rot_z(degrees.to_radians());
+        let turned = move |pose: PoseSample| PoseSample { position_w: turn * pose.position_w, ..pose };
+        let ended = with_capture(165, turned, &format!("places turned by {degrees}"));
+        assert_eq!(ended, Some(Fault::CaptureAxes), "places turned by {degrees}");
+    }
+}
+
+#[test]
+fn poses_with_a_latency_that_nobody_told_of_end_gently() {
+    for (latency, seed) in [(0.045, 166), (0.075, 167), (0.15, 168), (0.25, 169)] {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        let mut under_way = std::collections::VecDeque::new();
+        world.capture = Box::new(move |_, pose| {
+            under_way.push_back(pose);
+            let old: &PoseSample = under_way.front()?;
+            if pose.time - old.time < latency {
+                return None;
+            }
+            let old = under_way.pop_front()?;
+            Some(PoseSample { position_w: old.position_w, rotation_wr: old.rotation_wr, ..pose })
+        });
+        world.until(40.0, |w| w.linked.finished() || w.now() > 25.0);
+        let ended = world.ended_by();
+        let what = format!("{latency}: {ended:?}, {:.2} m away, {:.2} m high", world.farthest, world.highest);
+        assert!(world.farthest < 0.5 && world.highest < 1.0, "{what}");
+        if latency < 0.05 {
+            // It flies all the same.
+            assert!(ended.is_none() || ended == Some(Fault::CaptureLate), "{what}");
+            continue;
+        }
+        // What has hardly moved when it is stopped cannot be told from a body that stands still: that sentence names both.
+        let ends = [Fault::CaptureLate, Fault::PoseContradicts];
+        assert!(ended.is_some_and(|fault| ends.contains(&fault)), "{what}");
+        assert!(latency > 0.2 || ended == Some(Fault::CaptureLate), "{what}");
+        assert!(world.stopped_at.is_some_and(|height| height < 0.3), "{what}");
+    }
+    let remark = TABLE[Fault::PoseContradicts as usize].remark.to_string();
+    assert!(remark.contains("how late its poses are"), "{remark}");
+}
+
+/// With its propeller on it: it presses down where it should lift.
+#[test]
+fn a_rotor_that_turns_the_wrong_way_round_never_leaves_the_ground_far() {
+    for motor in 0..6 {
+        let mut world = World::preset("tilt-hex", "measured", 821 + motor as u64);
+        world.cruelty.borrow_mut().reversed = Some((motor, false));
+        ends_gently(&mut world, &format!("reversed {motor}"));
+        // Its number cannot be told from its direction: legs bear the difference. The sentence names both.
+        assert_eq!(world.ended_by(), Some(Fault::MotorOrder), "{motor}");
+        assert!(TABLE[Fault::MotorOrder as usize].remark.to_string().contains("spin direction"));
     }
 }

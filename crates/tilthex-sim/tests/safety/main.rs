@@ -8,6 +8,8 @@ mod capture;
 mod landing;
 mod lift_off;
 mod line;
+mod motors;
+mod orders;
 mod rig;
 mod rotors;
 mod world;

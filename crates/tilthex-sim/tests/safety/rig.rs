@@ -20,6 +20,8 @@ pub(crate) struct Cruelty {
     pub(crate) order: Vec<usize>,
     /// Whether the tool's tip touches the ground: what it stood on at the begin is gone.
     pub(crate) tip: bool,
+    /// This motor (from 0) turns the wrong way round, with its propeller, or, where it is true, the other one.
+    pub(crate) reversed: Option<(usize, bool)>,
     /// This motor's telemetry says that it stands still.
     pub(crate) silent: Option<usize>,
 }
@@ -41,7 +43,13 @@ impl Rig {
     /// longer than that, the feet stand on blocks that are gone once it has taken off.
     pub(crate) fn new(plant: Plant, leg: f64, seed: u64) -> (Self, Rc<RefCell<Cruelty>>) {
         let order = (0..plant.vehicle().rotor_count()).collect();
-        let cruelty = Cruelty { push: (Vector3::zeros(), Vector3::zeros()), order, tip: false, silent: None };
+        let cruelty = Cruelty {
+            push: (Vector3::zeros(), Vector3::zeros()),
+            order,
+            tip: false,
+            reversed: None,
+            silent: None,
+        };
         let cruelty = Rc::new(RefCell::new(cruelty));
         let at = RobotState::at_rest(Vector3::new(0.0, 0.0, leg));
         let state = PlantState::new(at, RotorVector::zeros());
@@ -67,6 +75,18 @@ impl Rig {
         let mut external = self.ground.wrench(&robot);
         let (force_w, arm_r) = self.cruelty.borrow().push;
         external = external + at(&robot, &force_w, &arm_r);
+        if let Some((rotor, propeller)) = self.cruelty.borrow().reversed {
+            let mut alone = RotorVector::zeros();
+            alone[rotor] = self.body.rotor_speeds[rotor];
+            let mut given = self.plant.vehicle().body_wrench(&alone);
+            if propeller {
+                let kind = self.plant.vehicle().rotors()[rotor];
+                given.force = Vector3::zeros();
+                given.torque = kind.axis_r * (kind.spin * kind.drag_coefficient * alone[rotor].powi(2));
+            }
+            let lost = Wrench { force: robot.rotation_wr * given.force, torque: given.torque };
+            external = external - lost - lost;
+        }
         let tip_r = self.plant.vehicle().tool().position_r;
         let tip = robot.position_w + robot.rotation_wr * tip_r;
         if tip.z < 0.0 && self.cruelty.borrow().tip {

@@ -28,6 +28,8 @@ pub(crate) struct World {
     /// Age of poses when they arrive, s, and delay of the line either way, s.
     pub(crate) pose_age: f64,
     pub(crate) line_delay: f64,
+    /// What becomes of the bytes of a tick on their way to the vehicle.
+    pub(crate) wires: Box<dyn FnMut(&[u8]) -> Vec<u8>>,
     out: LinkedOutput,
     to_host: VecDeque<(f64, Vec<u8>)>,
     to_vehicle: VecDeque<(f64, Vec<u8>)>,
@@ -79,6 +81,7 @@ impl World {
             capture: Box::new(|_, pose| Some(pose)),
             pose_age: 0.008,
             line_delay: 0.0,
+            wires: Box::new(<[u8]>::to_vec),
             out: LinkedOutput::default(),
             to_host: VecDeque::new(),
             to_vehicle: VecDeque::new(),
@@ -121,7 +124,9 @@ impl World {
         let feet =
             [(0.3, 0.3), (0.3, -0.3), (-0.3, 0.3), (-0.3, -0.3)].map(|(x, y)| Vector3::new(x, y, -leg));
         let body = [(0.4, 0.0), (-0.4, 0.0), (0.0, 0.4), (0.0, -0.4)].map(|(x, y)| Vector3::new(x, y, 0.0));
-        let points = feet.iter().chain(&body).map(|r| (robot.position_w + robot.rotation_wr * r).z);
+        let tip = self.cruelty.borrow().tip.then(|| self.tool());
+        let points =
+            feet.iter().chain(&body).chain(&tip).map(|r| (robot.position_w + robot.rotation_wr * r).z);
         points.fold(f64::INFINITY, f64::min)
     }
 
@@ -162,7 +167,8 @@ impl World {
         let before = self.phase();
         let input = WireInput { time, bytes: &bytes, poses: &poses, command, host: self.host };
         self.linked.tick(&input, &mut self.out);
-        self.to_vehicle.push_back((now + self.line_delay, self.out.wire.sent.bytes().to_vec()));
+        let bytes = (self.wires)(self.out.wire.sent.bytes());
+        self.to_vehicle.push_back((now + self.line_delay, bytes));
         self.judge(before);
         self.out.commanded.record
     }

@@ -87,6 +87,8 @@ pub struct Firmware {
     voltage: Schedule,
     magnetometer: Schedule,
     first_start: Option<Micros>,
+    /// All motors have spun together.
+    flew: bool,
     speeds_received: u64,
     silent_until: Micros,
 }
@@ -110,6 +112,7 @@ impl Firmware {
             voltage: Schedule::default(),
             magnetometer: Schedule::default(),
             first_start: None,
+            flew: false,
             speeds_received: 0,
             silent_until: 0,
         }
@@ -143,7 +146,13 @@ impl Firmware {
                     motor.stop();
                 }
             }
-            HostMessage::StopAll => motors.iter_mut().for_each(Motor::stop),
+            HostMessage::StopAll => {
+                // Motors that were tried one by one have not started yet.
+                if !motors.iter().all(Motor::is_spinning) {
+                    self.first_start = self.first_start.filter(|_| self.flew);
+                }
+                motors.iter_mut().for_each(Motor::stop);
+            }
             HostMessage::Speeds(values) => {
                 self.speeds_received += 1;
                 for (motor, &value) in motors.iter_mut().zip(values.as_slice()) {
@@ -178,6 +187,7 @@ impl Firmware {
         measure: impl FnOnce() -> Measurements,
         out: &mut Vec<u8>,
     ) {
+        self.flew |= self.all_spin();
         self.battery.advance(&true_speeds.as_slice()[..self.motor_count], dt);
         // The motor controllers live on while the board boots.
         for (number, motor) in (1_u8..).zip(&mut self.motors[..self.motor_count]) {
@@ -232,7 +242,7 @@ impl Firmware {
         self.motors[..self.motor_count].iter().all(Motor::is_spinning)
     }
 
-    /// When a motor was first asked to start.
+    /// When the first of the motors that then all spun was asked to start.
     #[must_use]
     pub fn first_start(&self) -> Option<Micros> {
         self.first_start

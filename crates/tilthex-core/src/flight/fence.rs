@@ -1,0 +1,58 @@
+//! The box around the start in which the vehicle stays, and what orders may ask of it.
+
+use super::io::Route;
+use crate::{
+    types::{Matrix3, Setpoint, Vector3},
+    vehicle::Mounting,
+};
+
+/// A box around the start, of the robot's origin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fence {
+    /// Half its width along x and y, m.
+    pub sideways: f64,
+    /// How high it is above the start, m.
+    pub up: f64,
+}
+
+/// Orders stay inside by so much, m, or by this part of the fence: a vehicle that stops there does not pass it.
+const INSIDE: (f64, f64) = (0.1, 0.1);
+
+impl Fence {
+    /// The box that orders may lead to.
+    #[must_use]
+    pub fn of_orders(&self) -> Self {
+        let (least, part) = INSIDE;
+        let within = |size: f64| size - least.min(part * size);
+        Self { sideways: within(self.sideways), up: within(self.up) }
+    }
+
+    /// How far a place is outside, m; negative inside. Both in the world.
+    #[must_use]
+    pub fn beyond(&self, start_w: &Vector3, position_w: &Vector3) -> f64 {
+        let way_w = position_w - start_w;
+        (way_w.x.abs().max(way_w.y.abs()) - self.sideways).max(way_w.z - self.up)
+    }
+
+    /// Whether a set-point of the tool keeps the vehicle inside.
+    #[must_use]
+    pub fn holds(&self, start_w: &Vector3, tool: &Mounting, setpoint: &Setpoint) -> bool {
+        let robot_w = robot_position(tool, &setpoint.position_w, &setpoint.rotation_we);
+        self.of_orders().beyond(start_w, &robot_w) <= 0.0
+    }
+
+    /// The first way-point (from 0) of a route that does not.
+    #[must_use]
+    pub fn leaves(&self, start_w: &Vector3, tool: &Mounting, route: &Route) -> Option<usize> {
+        let fence = self.of_orders();
+        route.waypoints().iter().position(|point| {
+            fence.beyond(start_w, &robot_position(tool, &point.position_w, &point.rotation_we)) > 0.0
+        })
+    }
+}
+
+/// Where the robot is, m, world, with its tool in a pose.
+#[must_use]
+pub fn robot_position(tool: &Mounting, position_w: &Vector3, rotation_we: &Matrix3) -> Vector3 {
+    position_w - rotation_we * (tool.rotation_r.transpose() * tool.position_r)
+}

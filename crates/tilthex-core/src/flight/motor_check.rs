@@ -1,0 +1,155 @@
+//! Each motor alone, before all of them start: whether the right one turns, and as it is asked to.
+
+use core::fmt;
+
+use super::{io::MotorCommand, telemetry::Motor};
+use crate::{
+    supervisor::limits::{MOTORS_FRESH, STOPPED},
+    types::RotorVector,
+};
+
+/// A motor turns as it should for so long before the next one is tried, s.
+const RIGHT: f64 = 0.03;
+/// It is tried at its lowest speed times this, which some links cannot tell from standstill; a quarter off is wrong.
+const TRIED: f64 = 1.5;
+const OFF: f64 = 0.25;
+/// Another motor turns in its place for so long, s.
+const ANOTHER: f64 = 0.1;
+
+/// What is wrong with a motor. Motors count from 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MotorFault {
+    /// It was started alone, and does not turn.
+    Still {
+        /// Which.
+        motor: usize,
+    },
+    /// It was started alone, and another one turns.
+    Another {
+        /// Which was started.
+        motor: usize,
+        /// Which turns.
+        found: usize,
+    },
+    /// It was started alone, and turns at another speed than it was asked for.
+    WrongSpeed {
+        /// Which.
+        motor: usize,
+        /// Measured, Hz.
+        found: f64,
+        /// Asked for, Hz.
+        asked: f64,
+    },
+    /// It turns though every motor was told to stand.
+    Turns {
+        /// Which.
+        motor: usize,
+    },
+}
+
+impl fmt::Display for MotorFault {
+    /// One sentence; motors count from 1 as on the line.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Still { motor } => write!(
+                f,
+                "motor {} was started alone and does not turn: check its controller, its number and its wires",
+                motor + 1
+            ),
+            Self::Another { motor, found } => write!(
+                f,
+                "motor {} was started alone and motor {} turns: check the numbers of their controllers",
+                motor + 1,
+                found + 1
+            ),
+            Self::WrongSpeed { motor, found, asked } => write!(
+                f,
+                "motor {} was started alone at {asked:.0} Hz and measures {found:.0} Hz: check its direction, its poles, and \
+                 the settings of its controller",
+                motor + 1
+            ),
+            Self::Turns { motor } => write!(
+                f,
+                "motor {} turns though every motor was told to stand still: check its controller and its number",
+                motor + 1
+            ),
+        }
+    }
+}
+
+/// How far the check has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct MotorCheck {
+    /// The motor that is tried; past the last one where all are right.
+    motor: usize,
+    /// Whether all motors stood still before it was started.
+    alone: bool,
+    /// How long this has taken, it has turned as it should, and another one has, s.
+    time: f64,
+    right: f64,
+    another: f64,
+    fault: Option<MotorFault>,
+}
+
+impl Default for MotorCheck {
+    fn default() -> Self {
+        Self { motor: 0, alone: false, time: 0.0, right: 0.0, another: 0.0, fault: None }
+    }
+}
+
+impl MotorCheck {
+    /// What was found wrong; motors stay still until another start is asked for.
+    pub(super) fn fault(&self) -> Option<MotorFault> {
+        self.fault
+    }
+
+    /// Whether every motor of a vehicle with so many has been seen to turn alone.
+    pub(super) fn passed(&self, motors: usize) -> bool {
+        self.motor >= motors
+    }
+
+    /// What the motors shall do; `lowest` are their lowest speeds, Hz.
+    pub(super) fn command(&self, lowest: &RotorVector) -> MotorCommand {
+        if self.alone { MotorCommand::Alone(self.motor, lowest * TRIED) } else { MotorCommand::Stop }
+    }
+
+    /// One tick of a vehicle that is being started: motors, now (s), the lowest speeds (Hz), and how long the check may
+    /// take in all (s).
+    pub(super) fn step(&mut self, motors: &[Motor], now: f64, lowest: &RotorVector, limit: f64, dt: f64) {
+        let Some((tried, least)) = motors.get(self.motor).zip(lowest.iter().nth(self.motor)) else { return };
+        let asked = TRIED * least;
+        if self.fault.is_some() {
+            return;
+        }
+        self.time += dt;
+        let late = self.time > limit / motors.len() as f64;
+        let measured = |motor: &Motor| now - motor.heard <= MOTORS_FRESH;
+        let turns = |motor: &Motor, least: f64| {
+            motor.starting || motor.spinning || measured(motor) && motor.speed.abs() > STOPPED * least
+        };
+        let mut others = motors.iter().zip(lowest.iter()).enumerate();
+        let other = others.find(|(i, (m, least))| *i != self.motor && turns(m, **least)).map(|(i, _)| i);
+        if !self.alone {
+            let still = other.is_none() && !turns(tried, *least);
+            if still {
+                (self.alone, self.time) = (true, 0.0);
+            } else if late {
+                self.fault = Some(MotorFault::Turns { motor: other.unwrap_or(self.motor) });
+            }
+            return;
+        }
+        self.another = if other.is_some() { self.another + dt } else { 0.0 };
+        let follows = measured(tried) && (tried.speed - asked).abs() < OFF * asked;
+        self.right = if tried.spinning && follows && other.is_none() { self.right + dt } else { 0.0 };
+        let motor = self.motor;
+        if let Some(found) = other.filter(|_| self.another > ANOTHER) {
+            self.fault = Some(MotorFault::Another { motor, found });
+        } else if self.right > RIGHT {
+            *self = Self { motor: motor.saturating_add(1), ..Self::default() };
+        } else if late && tried.spinning && measured(tried) && tried.speed.abs() > STOPPED * asked {
+            self.fault = Some(MotorFault::WrongSpeed { motor, found: tried.speed, asked });
+        } else if late {
+            self.fault = Some(MotorFault::Still { motor });
+        }
+    }
+}

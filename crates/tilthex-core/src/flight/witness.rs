@@ -1,0 +1,212 @@
+//! What captured positions and accelerometer say of the same motion, just after lift-off: how late poses are, and whether
+//! they show a mirror image.
+//!
+//! Second differences of both are correlated over a range of delays: neither a bias nor a drift enters them. The largest
+//! correlation tells the delay, and its matrix the axes: a turn keeps its determinant positive, a mirror does not.
+
+use crate::{
+    supervisor::limits::CAPTURE_LATE,
+    types::{Matrix3, PoseSample, Vector3},
+};
+
+/// Second differences are taken over twice so much, s.
+const SPAN: f64 = 0.06;
+/// Delays are tried in such steps, s, and this many.
+const STEP: f64 = 0.02;
+const DELAYS: usize = 16;
+/// What is felt is kept every so often, s, and this many times; captured places, too.
+const EVERY: f64 = 0.01;
+const KEPT: usize = 48;
+const SEEN: usize = 16;
+/// What is older than about so long is forgotten, s.
+const FORGETS: f64 = 2.0;
+/// Square of the felt acceleration, summed up over time, below which nothing is told, (m/s^2)^2 s.
+const SHAKES: f64 = 0.1;
+/// Correlation that tells something, and by how much that of a delay must be larger than that of none.
+const TELLS: f64 = 0.6;
+const BETTER: f64 = 0.15;
+/// Of a mirror: a determinant (1 of a turn, -1 of a mirror) below this, of motion with so much to the side.
+const MIRRORS: f64 = -0.4;
+
+/// What was seen since the take-off began.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Witness {
+    /// The motion by the accelerometer alone, m/s and m, world, from rest; what was kept of it, and when last, s.
+    velocity_w: Vector3,
+    position_w: Vector3,
+    felt: [Vector3; KEPT],
+    newest: usize,
+    time: f64,
+    /// Where the first pose was, m, world, and the last ones, newest first.
+    from_w: Option<Vector3>,
+    seen: [(f64, Vector3); SEEN],
+    /// Products of captured and felt accelerations for each delay, and their squares.
+    products: [Matrix3; DELAYS],
+    captured_square: f64,
+    felt_square: f64,
+}
+
+impl Default for Witness {
+    fn default() -> Self {
+        let zero = Vector3::zeros();
+        Self {
+            velocity_w: zero,
+            position_w: zero,
+            felt: [zero; KEPT],
+            newest: 0,
+            time: 0.0,
+            from_w: None,
+            seen: [(f64::NEG_INFINITY, zero); SEEN],
+            products: [Matrix3::zeros(); DELAYS],
+            captured_square: 0.0,
+            felt_square: 0.0,
+        }
+    }
+}
+
+impl Witness {
+    /// Takes an acceleration, m/s^2, world, for the `dt` s up to `now`, s.
+    pub(super) fn feel(&mut self, acceleration_w: &Vector3, now: f64, dt: f64) {
+        self.velocity_w += acceleration_w * dt;
+        self.position_w += self.velocity_w * dt;
+        if now - self.time >= EVERY - 1e-4 {
+            self.time = now;
+            self.newest = (self.newest + 1) % KEPT;
+            if let Some(slot) = self.felt.get_mut(self.newest) {
+                *slot = self.position_w;
+            }
+        }
+    }
+
+    /// Where the accelerometer had the vehicle at a time, s, as far as it is kept.
+    fn felt_at(&self, time: f64) -> Option<Vector3> {
+        let back = (self.time - time) / EVERY;
+        let whole = libm::floor(back);
+        if !(0.0..(KEPT - 1) as f64).contains(&whole) {
+            return None;
+        }
+        let at = |back: usize| self.felt.get((self.newest + KEPT - back) % KEPT);
+        let (later, earlier) = (at(whole as usize)?, at(whole as usize + 1)?);
+        Some(later + (earlier - later) * (back - whole))
+    }
+
+    /// Takes a captured pose.
+    pub(super) fn see(&mut self, pose: &PoseSample) {
+        self.from_w.get_or_insert(pose.position_w);
+        self.seen.rotate_right(1);
+        if let Some(slot) = self.seen.first_mut() {
+            *slot = (pose.time, pose.position_w);
+        }
+        let before = |ago: f64| self.seen.iter().find(|(time, _)| pose.time - time >= ago - 0.5 * EVERY);
+        let (Some(middle), Some(first), Some(second)) = (before(SPAN), before(2.0 * SPAN), self.seen.get(1))
+        else {
+            return;
+        };
+        let (span, dt) = (pose.time - middle.0, pose.time - second.0);
+        if (middle.0 - first.0 - span).abs() > 0.2 * SPAN || span > 2.0 * SPAN {
+            return;
+        }
+        let difference =
+            |last: &Vector3, middle: &Vector3, first: &Vector3| (last - middle * 2.0 + first) / (span * span);
+        let seen = difference(&pose.position_w, &middle.1, &first.1);
+        let felt = |delay: f64| {
+            let at = |time: f64| self.felt_at(time - delay);
+            Some(difference(&at(pose.time)?, &at(middle.0)?, &at(first.0)?))
+        };
+        let rates: [Option<Vector3>; DELAYS] = core::array::from_fn(|k| felt(k as f64 * STEP));
+        // Only where every delay can be compared.
+        if rates.iter().any(Option::is_none) {
+            return;
+        }
+        let kept = 1.0 - (dt / FORGETS).min(1.0);
+        for (product, rate) in self.products.iter_mut().zip(&rates) {
+            *product = *product * kept + seen * rate.unwrap_or_default().transpose() * dt;
+        }
+        let now = rates.first().copied().flatten().unwrap_or_default();
+        self.captured_square = self.captured_square * kept + seen.norm_squared() * dt;
+        self.felt_square = self.felt_square * kept + now.norm_squared() * dt;
+    }
+
+    /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
+    fn best(&self) -> Option<(usize, f64, f64, Matrix3)> {
+        let scale = libm::sqrt(self.captured_square * self.felt_square);
+        if self.felt_square < SHAKES || scale <= 0.0 {
+            return None;
+        }
+        let at_once = self.products.first()?.norm() / scale;
+        let of = |(k, product): (usize, &Matrix3)| (k, product.norm() / scale, at_once, *product);
+        self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// Whether poses are later than their times say.
+    pub(super) fn late(&self) -> bool {
+        self.best().is_some_and(|(k, size, at_once, _)| {
+            size > TELLS && k as f64 * STEP >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER
+        })
+    }
+
+    /// Whether poses show a mirror image.
+    pub(super) fn mirrored(&self) -> bool {
+        self.best().is_some_and(|(_, size, _, product)| {
+            let level = product.fixed_view::<2, 2>(0, 0);
+            size > TELLS && 2.0 * level.determinant() < MIRRORS * level.norm_squared()
+        })
+    }
+
+    /// How far the captured body has come, m, world.
+    pub(super) fn way(&self) -> Vector3 {
+        let newest_w = self.seen.first().map(|(_, position_w)| position_w);
+        newest_w.zip(self.from_w).map_or_else(Vector3::zeros, |(newest_w, from_w)| newest_w - from_w)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{random::Random, so3};
+
+    /// Sways before a capture system that is late by so much, s, and shows places changed.
+    fn watch(late: f64, change: Matrix3, seed: u64) -> Witness {
+        let (mut witness, mut random) = (Witness::default(), Random::new(seed));
+        let at = |t: f64| {
+            Vector3::new(0.01 * libm::sin(9.0 * t), 0.01 * libm::cos(8.0 * t), 0.02 * libm::sin(6.0 * t))
+        };
+        for k in 0..1000 {
+            let t = f64::from(k) * 0.002;
+            let acceleration = (at(t + 1e-3) - at(t) * 2.0 + at(t - 1e-3)) / 1e-6;
+            witness.feel(&(acceleration + random.normal3(0.05)), t, 0.002);
+            if k % 5 == 0 {
+                let position_w = change * at(t - late) + random.normal3(2e-4);
+                let rotation_wr = Matrix3::identity();
+                witness.see(&PoseSample {
+                    time: t,
+                    arrival: t,
+                    position_w,
+                    rotation_wr,
+                    tracking_valid: true,
+                });
+            }
+        }
+        witness
+    }
+
+    #[test]
+    fn delay_and_mirror_are_told_apart() {
+        for seed in 0..5 {
+            for yaw in [0.0, 0.5, 1.6, 3.1, -1.0] {
+                let good = watch(0.0, so3::rot_z(yaw), seed);
+                assert!(!good.late() && !good.mirrored(), "{yaw}");
+                for late in [0.05, 0.08, 0.15, 0.25] {
+                    let witness = watch(late, so3::rot_z(yaw), seed);
+                    assert!(witness.late() && !witness.mirrored(), "{late}");
+                }
+                for axis in [0, 1] {
+                    let mut mirror = so3::rot_z(yaw);
+                    mirror.column_mut(axis).neg_mut();
+                    assert!(watch(0.0, mirror, seed).mirrored() && !watch(0.0, mirror, seed).late());
+                    assert!(watch(0.1, mirror, seed).mirrored());
+                }
+            }
+        }
+    }
+}
