@@ -3,7 +3,10 @@
 
 use std::{
     fmt, fs, io,
-    os::fd::{AsFd, BorrowedFd, OwnedFd},
+    os::{
+        fd::{AsFd, BorrowedFd, OwnedFd},
+        unix::net::UnixStream,
+    },
     path::{Path, PathBuf},
 };
 
@@ -19,7 +22,10 @@ use crate::{Failure, ports, sys};
 /// Longest time an adapter may hold bytes back, ms.
 const LONGEST_LATENCY_MS: u32 = 1;
 
-/// An open serial port or pseudo-terminal.
+/// What names a socket in place of a device.
+pub const SOCKET: &str = "unix:";
+
+/// An open serial port, pseudo-terminal or socket.
 #[derive(Debug)]
 pub struct Port {
     fd: OwnedFd,
@@ -39,13 +45,16 @@ pub enum Written {
 }
 
 impl Port {
-    /// Opens the device at a path, or the USB adapter with a serial number.
+    /// Opens the device at a path, the USB adapter with a serial number, or the socket of a simulated vehicle, unix:PATH.
     /// `baud` 0 leaves the speed alone.
     ///
     /// # Errors
     /// One sentence: no such port, in use, no right, not a terminal, a speed
     /// it has not, or an adapter that holds bytes back.
     pub fn open(name: &str, baud: u32) -> Result<Self, Failure> {
+        if let Some(path) = name.strip_prefix(SOCKET) {
+            return Self::connect(Path::new(path));
+        }
         let path = ports::resolve(name, &ports::there())?;
         let refuse =
             |what: &str, e: &dyn fmt::Display| Failure::link(format!("{}: {what}: {e}", path.display()));
@@ -69,6 +78,26 @@ impl Port {
         let _ = sys::set_low_latency(fd.as_fd());
         check_latency(&path, Path::new("/sys"))?;
         Ok(Self { fd, path, short_writes: 0 })
+    }
+
+    /// The line to a simulated vehicle that listens at a socket: no terminal, and no work queue of one.
+    fn connect(path: &Path) -> Result<Self, Failure> {
+        let stream = UnixStream::connect(path).map_err(|e| {
+            Failure::link(format!(
+                "{}: no simulated vehicle listens there: {e}; start tilthex-sim with --socket first",
+                path.display()
+            ))
+        })?;
+        Self::of_stream(stream, path).map_err(|e| Failure::link(format!("{}: {e}", path.display())))
+    }
+
+    /// Either end of such a line.
+    ///
+    /// # Errors
+    /// The kernel's.
+    pub fn of_stream(stream: UnixStream, path: &Path) -> io::Result<Self> {
+        stream.set_nonblocking(true)?;
+        Ok(Self { fd: stream.into(), path: path.into(), short_writes: 0 })
     }
 
     /// A pseudo-terminal: its controlling side, and the path of the other.
@@ -217,6 +246,27 @@ mod tests {
         let counts = fs::read_to_string("/proc/thread-self/io").expect("a kernel that counts");
         let line = counts.lines().find_map(|line| line.strip_prefix("syscr: ")).expect("counted");
         line.parse().expect("a number")
+    }
+
+    #[test]
+    fn a_socket_is_a_line_like_any_other() {
+        let folder = tempfile::tempdir().expect("a directory");
+        let path = folder.path().join("vehicle");
+        let listener = std::os::unix::net::UnixListener::bind(&path).expect("bound");
+        let name = format!("unix:{}", path.display());
+        let mut host = Port::open(&name, 500_000).expect("connects");
+        let mut vehicle = Port::of_stream(listener.accept().expect("a guest").0, &path).expect("opens");
+        assert_eq!(host.read(&mut [0; 16]), Some(0));
+        assert_eq!((vehicle.write(b"^I$"), host.write(b"^?$")), (Written::Whole, Written::Whole));
+        assert_eq!(read_all(&host, 3), b"^I$");
+        assert_eq!(read_all(&vehicle, 3), b"^?$");
+        while host.write(&[0x55; 4096]) == Written::Whole {}
+        assert_eq!(host.short_writes(), 1);
+        drop(vehicle);
+        assert_eq!(host.write(b"^?$"), Written::Gone);
+        drop(listener);
+        let message = Port::open(&name, 0).expect_err("nobody listens").message;
+        assert!(message.contains("--socket"), "{message}");
     }
 
     #[test]

@@ -2,7 +2,10 @@
 
 use std::{
     fs,
-    os::unix::fs::symlink,
+    os::unix::{
+        fs::{FileTypeExt, symlink},
+        net::{UnixListener, UnixStream},
+    },
     path::{Path, PathBuf},
     sync::atomic::Ordering,
     time::Duration,
@@ -35,6 +38,10 @@ pub struct Args {
     /// Also name the pseudo-terminal by this symbolic link
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
+
+    /// Listen at this Unix socket, too: `tilthex-rt --port unix:PATH` connects there, and no terminal is between them
+    #[arg(long, value_name = "PATH")]
+    pub socket: Option<PathBuf>,
 
     /// Show the vehicle's pose, such as natnet://127.0.0.1/TILTHEX or vrpn://127.0.0.1/TILTHEX
     #[arg(long, value_name = "URI")]
@@ -97,6 +104,10 @@ pub fn run() -> Result<(), Failure> {
         std::thread::sleep(Duration::from_millis(50));
     }
     let report = server.stop();
+    if let Some(socket) = &args.socket {
+        // It may be gone already.
+        let _ = fs::remove_file(socket);
+    }
     if report.imu_to_command.count > 0 {
         say!("IMU byte out of vehicle to command in  {}", report.imu_to_command);
     }
@@ -168,8 +179,25 @@ fn serve<B: Body + Send + 'static>(
             capture.show(at, simulation);
         }
     };
-    Server::start(simulation, Box::new(observer))
+    let socket = args.socket.as_deref().map(listen).transpose()?;
+    Server::start(simulation, Box::new(observer), socket)
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
+}
+
+/// Listens at a socket; one that a killed program left is replaced, a file is not.
+fn listen(path: &Path) -> Result<UnixListener, Failure> {
+    if fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket())
+        && UnixStream::connect(path).is_err()
+    {
+        // Whether it went shows in the next call.
+        let _ = fs::remove_file(path);
+    }
+    UnixListener::bind(path).map_err(|e| {
+        Failure::usage(format!(
+            "{} cannot be a socket: {e}; name a place that is free with --socket",
+            path.display()
+        ))
+    })
 }
 
 /// A symbolic link that goes when the program does.

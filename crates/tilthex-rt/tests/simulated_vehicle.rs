@@ -229,7 +229,7 @@ fn full_thrust_lifts_it_and_the_ground_catches_it() {
 
 #[test]
 fn behind_a_pseudo_terminal_it_answers() {
-    let server = Server::start(Simulation::new(SimulationParams::new(vehicle())), Box::new(|_, _| {}))
+    let server = Server::start(Simulation::new(SimulationParams::new(vehicle())), Box::new(|_, _| {}), None)
         .expect("a pseudo-terminal");
     let mut port = Port::open(server.path().to_str().expect("plain"), 0).expect("opens");
     let mut receiver = Receiver::<VehicleMessage>::default();

@@ -146,15 +146,19 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     common = ["--config", str(files.config), "--mocap", mocap]
     world = ["--world", str(files.world), "--world-truth", str(files.truth), "--seed", str(run.seed)]
     with ExitStack() as stack:
+        # A socket, not the pseudo-terminal, whose bytes wait for a work queue of the kernel; a short path.
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tilthex-"))
+        line = Path(folder) / "vehicle"
+        world += ["--socket", str(line)]
         simulated = Program(stack, "tilthex-sim", [*common, *world], subprocess.PIPE)
         assert simulated.process.stdout is not None
-        port = simulated.process.stdout.readline().strip()
-        if not port:
+        # It names its pseudo-terminal once it is ready.
+        if not simulated.process.stdout.readline().strip():
             simulated.process.wait()
             raise OSError(simulated.sentence())
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
         start = ["--take-off", "--no-battery-limits", "--trajectory", str(files.trajectory)]
-        link = ["--port", port, "--baud", "0", "--log", str(files.log), *start]
+        link = ["--port", f"unix:{line}", "--baud", "0", "--log", str(files.log), *start]
         controller = Program(stack, "tilthex-rt", [*common, *link], summary)
         _watch(controller.process, expected(run) + PATIENCE, files, progress)
         if simulated.process.poll() is not None:

@@ -93,6 +93,8 @@ struct Unloading {
 pub(super) struct Landing {
     still: f64,
     felt: f64,
+    /// The same since it has toppled, or is without a rotor; and how long it has stood so.
+    lying: (f64, f64),
     unloading: Option<Unloading>,
     attempts: u32,
     /// Part of the weight carried at most, once it is forced down, and for how long nothing has been.
@@ -162,15 +164,22 @@ impl Landing {
 
     /// Whether a vehicle that is not upright, or cannot be kept so, lies on the ground: nothing can be tried with it.
     fn lies(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
-        if !(seen.toppled || seen.adrift) || seen.above.is_some_and(|above| above > LIES) {
+        if !(seen.toppled || seen.adrift) {
+            self.lying = (0.0, 0.0);
             return false;
         }
-        let carried = |force: Vector3| if seen.toppled { force.norm() } else { force.z };
+        if seen.above.is_some_and(|above| above > LIES) {
+            return false;
+        }
+        // Without a pose, up may be anywhere; with one, what pushes aside is no ground.
+        let lost = seen.toppled && seen.above.is_none();
+        let carried = |force: Vector3| if lost { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
-        self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
+        let (felt, still) = &mut self.lying;
+        *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
         let stands = seen.missing > SHARE * weight && seen.velocity.abs() < STILL.0;
-        self.still = if stands { self.still + dt } else { 0.0 };
-        self.felt > FELT.1 || self.still > STILL.1
+        *still = if stands { *still + dt } else { 0.0 };
+        *felt > FELT.1 || *still > STILL.1
     }
 
     /// Thrust goes to what brings it down.
@@ -267,6 +276,11 @@ mod tests {
         let (verdict, time) = run(|_, _| lies);
         assert!(verdict == Verdict::Down && time < 0.15);
         assert_ne!(run(|_, _| Seen { above: Some(0.5), ..lies }).0, Verdict::Down);
+        // Where up is known, a push aside is no ground.
+        let pushed = Seen { above: Some(-0.2), ..lies };
+        assert_ne!(run(|_, _| pushed).0, Verdict::Down);
+        let carried = Some(Vector3::new(3.0, 0.0, 15.0));
+        assert_eq!(run(|_, _| Seen { observed_w: carried, ..pushed }).0, Verdict::Down);
     }
 
     #[test]

@@ -71,7 +71,7 @@ impl Witness {
         self.position_w += self.velocity_w * dt;
         if now - self.time >= EVERY - 1e-4 {
             self.time = now;
-            self.newest = (self.newest + 1) % KEPT;
+            self.newest = self.newest.wrapping_add(1) % KEPT;
             if let Some(slot) = self.felt.get_mut(self.newest) {
                 *slot = self.position_w;
             }
@@ -85,17 +85,17 @@ impl Witness {
         if !(0.0..(KEPT - 1) as f64).contains(&whole) {
             return None;
         }
-        let at = |back: usize| self.felt.get((self.newest + KEPT - back) % KEPT);
-        let (later, earlier) = (at(whole as usize)?, at(whole as usize + 1)?);
+        let at = |back: usize| self.felt.get(self.newest.wrapping_add(KEPT).wrapping_sub(back) % KEPT);
+        let (later, earlier) = (at(whole as usize)?, at((whole as usize).wrapping_add(1))?);
         Some(later + (earlier - later) * (back - whole))
     }
 
     /// Takes a captured pose.
     pub(super) fn see(&mut self, pose: &PoseSample) {
         self.from_w.get_or_insert(pose.position_w);
-        self.seen.rotate_right(1);
-        if let Some(slot) = self.seen.first_mut() {
-            *slot = (pose.time, pose.position_w);
+        let mut last = (pose.time, pose.position_w);
+        for slot in &mut self.seen {
+            last = core::mem::replace(slot, last);
         }
         let before = |ago: f64| self.seen.iter().find(|(time, _)| pose.time - time >= ago - 0.5 * EVERY);
         let (Some(middle), Some(first), Some(second)) = (before(SPAN), before(2.0 * SPAN), self.seen.get(1))
@@ -147,9 +147,10 @@ impl Witness {
 
     /// Whether poses show a mirror image.
     pub(super) fn mirrored(&self) -> bool {
-        self.best().is_some_and(|(_, size, _, product)| {
-            let level = product.fixed_view::<2, 2>(0, 0);
-            size > TELLS && 2.0 * level.determinant() < MIRRORS * level.norm_squared()
+        self.best().is_some_and(|(_, size, _, p)| {
+            let determinant = p.m11 * p.m22 - p.m12 * p.m21;
+            let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
+            size > TELLS && 2.0 * determinant < MIRRORS * square
         })
     }
 

@@ -208,9 +208,10 @@ impl Host {
         }
         for (index, known) in self.telemetry.motors().iter().enumerate() {
             let turns = known.spinning || known.starting;
-            let message = if index == motor { HostMessage::Start } else { HostMessage::Stop };
+            let number = index as u8 + 1;
+            let message = if index == motor { HostMessage::Start(number) } else { HostMessage::Stop(number) };
             if turns != (index == motor) {
-                out.append(|b| message(index as u8 + 1).encode(b));
+                out.append(|b| message.encode(b));
                 self.motor_asked = now;
             }
         }

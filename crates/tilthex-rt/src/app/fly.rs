@@ -237,6 +237,6 @@ fn simulate(
             let _ = truths.push((at as f64 * 1e-9, simulation.truth()));
         }
     };
-    Server::start(Simulation::new(params), Box::new(observer))
+    Server::start(Simulation::new(params), Box::new(observer), None)
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }

@@ -2,6 +2,7 @@
 
 use std::{
     io,
+    os::unix::net::UnixListener,
     path::{Path, PathBuf},
     sync::{
         Arc,
@@ -53,19 +54,25 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a simulation behind a pseudo-terminal of its own. `each_step`
-    /// is called after every cycle with the time of the cycle.
+    /// Starts a simulation behind a pseudo-terminal of its own, and, where one is given, behind a socket: whoever connects
+    /// there has the line until they leave. `each_step` is called after every cycle with the time of the cycle.
     ///
     /// # Errors
     /// The kernel's, where it has no pseudo-terminal or no thread left.
     pub fn start<B: Body + Send + 'static>(
         simulation: Simulation<B>,
         each_step: Observer<B>,
+        socket: Option<UnixListener>,
     ) -> io::Result<Self> {
         let (port, path) = Port::pseudo_terminal()?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
+        if let Some(socket) = &socket {
+            socket.set_nonblocking(true)?;
+        }
         let mut worker = Worker {
+            socket,
+            guest: None,
             // Holding the far side open keeps reads from failing while no controller is connected.
             _far_side: rustix::fs::open(
                 &path,
@@ -120,6 +127,9 @@ impl Drop for Server {
 struct Worker<B> {
     _far_side: rustix::fd::OwnedFd,
     port: Port,
+    socket: Option<UnixListener>,
+    /// Who has connected to the socket.
+    guest: Option<Port>,
     simulation: Simulation<B>,
     each_step: Observer<B>,
     out: Vec<u8>,
@@ -158,18 +168,28 @@ impl<B: Body> Worker<B> {
 
     /// Takes what the controller says the moment it says it, until `due`.
     fn receive_until(&mut self, due: Nanos) {
+        self.admit();
         loop {
             let left = due.saturating_sub(Monotonic.now());
             if left == 0 {
                 return;
             }
             let timeout = Timespec { tv_sec: 0, tv_nsec: left as _ };
-            let ready = poll(&mut [PollFd::new(&self.port, PollFlags::IN)], Some(&timeout));
+            let line = self.guest.as_ref().unwrap_or(&self.port);
+            let ready = poll(&mut [PollFd::new(line, PollFlags::IN)], Some(&timeout));
             if ready != Ok(1) {
                 continue;
             }
             let mut bytes = [0; 1024];
-            let Some(count) = self.port.read(&mut bytes) else { return };
+            let count = match line.read(&mut bytes) {
+                // Readable, and nothing to read: they have left.
+                None | Some(0) if self.guest.is_some() => {
+                    self.guest = None;
+                    continue;
+                }
+                Some(count) => count,
+                None => return,
+            };
             let before = self.simulation.firmware().speeds_received();
             self.simulation.receive(&bytes[..count], &mut self.out);
             if self.simulation.firmware().speeds_received() > before
@@ -181,13 +201,22 @@ impl<B: Body> Worker<B> {
         }
     }
 
+    /// Takes whoever knocks at the socket, where nobody is there.
+    fn admit(&mut self) {
+        if let (Some(socket), None) = (&self.socket, &self.guest)
+            && let Ok((stream, _)) = socket.accept()
+        {
+            self.guest = Port::of_stream(stream, self.port.path()).ok();
+        }
+    }
+
     fn send(&mut self) {
         if self.out.windows(2).any(|pair| pair == b"^I") {
             self.imu_written = Some(Monotonic.now());
         }
         if !self.out.is_empty() {
             // A full line loses the bytes, as a serial one does.
-            self.port.write(&self.out);
+            self.guest.as_mut().unwrap_or(&mut self.port).write(&self.out);
             self.out.clear();
         }
     }

@@ -18,6 +18,9 @@ use crate::rig::{Cruelty, Rig};
 /// What a capture system makes of a pose at a time, s.
 pub(crate) type Capture = Box<dyn FnMut(f64, PoseSample) -> Option<PoseSample>>;
 
+/// What wires make of the bytes of a tick.
+pub(crate) type Wires = Box<dyn FnMut(&[u8]) -> Vec<u8>>;
+
 /// The vehicle, its controller, and what is between them.
 pub(crate) struct World {
     pub(crate) simulation: Simulation<Rig>,
@@ -29,7 +32,7 @@ pub(crate) struct World {
     pub(crate) pose_age: f64,
     pub(crate) line_delay: f64,
     /// What becomes of the bytes of a tick on their way to the vehicle.
-    pub(crate) wires: Box<dyn FnMut(&[u8]) -> Vec<u8>>,
+    pub(crate) wires: Wires,
     out: LinkedOutput,
     to_host: VecDeque<(f64, Vec<u8>)>,
     to_vehicle: VecDeque<(f64, Vec<u8>)>,
