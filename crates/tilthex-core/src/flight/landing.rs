@@ -17,6 +17,8 @@ const STILL: (f64, f64) = (0.3, 0.2);
 /// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled, or comes down
 /// without a rotor, bounces about.
 const FELT: (f64, f64) = (0.5, 0.1);
+/// Where pose and speed are known, a vehicle that has toppled lies still for so long, s: a push carries it, too.
+const LIES_STILL: f64 = 0.25;
 
 /// Parts of the weight that the rotors carry at the begin and at the end of unloading.
 const LOADS: (f64, f64) = (0.7, 0.05);
@@ -175,11 +177,13 @@ impl Landing {
         let lost = seen.toppled && seen.above.is_none();
         let carried = |force: Vector3| if lost { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
+        let known = seen.toppled && seen.above.is_some();
+        let feels = feels && (!known || seen.velocity.abs() < STILL.0);
         let (felt, still) = &mut self.lying;
         *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
         let stands = seen.missing > SHARE * weight && seen.velocity.abs() < STILL.0;
         *still = if stands { *still + dt } else { 0.0 };
-        *felt > FELT.1 || *still > STILL.1
+        *felt > if known { LIES_STILL } else { FELT.1 } || *still > if known { LIES_STILL } else { STILL.1 }
     }
 
     /// Thrust goes to what brings it down.
@@ -280,7 +284,9 @@ mod tests {
         let pushed = Seen { above: Some(-0.2), ..lies };
         assert_ne!(run(|_, _| pushed).0, Verdict::Down);
         let carried = Some(Vector3::new(3.0, 0.0, 15.0));
-        assert_eq!(run(|_, _| Seen { observed_w: carried, ..pushed }).0, Verdict::Down);
+        assert_ne!(run(|_, _| Seen { observed_w: carried, ..pushed }).0, Verdict::Down, "it moves");
+        let still = Seen { observed_w: carried, velocity: 0.1, ..pushed };
+        assert_eq!(run(|_, _| still).0, Verdict::Down);
     }
 
     #[test]

@@ -25,7 +25,7 @@ pub struct Args {
     #[command(subcommand)]
     pub(super) action: Option<Action>,
 
-    /// The vehicle's serial port: a path, or the USB serial number of its adapter
+    /// The vehicle's serial port: a path, or the USB serial number of its adapter; unix:PATH for tilthex-sim --socket
     #[arg(long, value_name = "DEV", global = true)]
     pub port: Option<String>,
 

@@ -139,7 +139,7 @@ fn poses_with_a_latency_that_nobody_told_of_end_gently() {
         let ends = [Fault::CaptureLate, Fault::PoseContradicts];
         assert!(ended.is_some_and(|fault| ends.contains(&fault)), "{what}");
         assert!(latency > 0.2 || ended == Some(Fault::CaptureLate), "{what}");
-        assert!(world.stopped_at.is_some_and(|height| height < 0.3), "{what}");
+        assert!(world.stopped_at.is_some_and(|height| height < 0.36), "{what}");
     }
     let remark = TABLE[Fault::PoseContradicts as usize].remark.to_string();
     assert!(remark.contains("how late its poses are"), "{remark}");
