@@ -1,9 +1,9 @@
 //! What goes into the controller, what moves in it, and what comes out.
 
 use super::{
-    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, FreeWrenchState, LowPassState, ObserverInput,
-    PoseCommand, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
-    WrenchObserverState, tool_wrench,
+    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, FreeWrenchState, LowPassState,
+    ObserverInput, PoseCommand, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle,
+    Wrench, WrenchObserverState, tool_wrench,
 };
 
 /// What moves in the controller.
