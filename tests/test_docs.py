@@ -15,6 +15,7 @@ FOLDERS = "crates|python|tests|docs|vehicles|examples|benchmarks|truths|fuzz|pac
 # What a reader of a how-to page makes.
 MADE_BY_READERS = {
     "mine.toml",
+    "my-flight.toml",
     "mine.py",
     "my_slide.py",
     "my-slide.toml",

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tilthex
+from tilthex._logged import State
 
 ROOT = Path(__file__).parent.parent
 # What starts the motors of a vehicle at a port, whose battery the configuration does not know.
@@ -177,6 +178,8 @@ def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
         flight.set_admittance(stiffness=[8, 8, 8, 10, 10, 5])
         flight.take_off()
         start = wait_for(flight, lambda state: state["compliant"])
+        assert set(start) == set(State.__annotations__)
+        assert 0.0 < start["latency"] < 0.5 and start["given_up"] is None
         target = start["setpoint"]["position"] + [0.1, 0.05, 0.05]
         flight.go_to(target)
         reached = wait_for(

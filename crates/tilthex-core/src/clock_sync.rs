@@ -19,7 +19,7 @@ pub struct ClockParams {
     pub drift: f64,
     /// A stamp that differs from the expected one by more, s, is suspect.
     pub jump: f64,
-    /// When all stamps were suspect for so long, s, the clock was set anew. A
+    /// When all stamps were suspect for this long, s, the clock was set anew. A
     /// host that was held up reads late stamps too, but all at once.
     pub patience: f64,
 }

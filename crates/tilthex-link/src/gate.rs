@@ -13,9 +13,9 @@ pub struct GateParams<const N: usize> {
     pub max: [f64; N],
     /// Largest change of each from one sample to the next; infinity for any.
     pub jump: [f64; N],
-    /// A jump is believed once so many samples in a row agree with it.
+    /// A jump is believed once this many samples in a row agree with it.
     pub patience: u8,
-    /// Nor are more than so many samples in a row refused for their jumps, without a gap: a stream
+    /// Nor are more than this many samples in a row refused for their jumps, without a gap: a stream
     /// that shakes, as in an impact, agrees with nothing, and what it says still counts.
     pub longest: u8,
 }

@@ -1,9 +1,9 @@
 //! The delay of a line that was fine before: numbered samples that all come later than they used to.
 
-/// Later than before by this much, s, for so long, s: the line is late.
+/// Later than before by this much, s, for this long, s: the line is late.
 const LATE: f64 = 0.012;
 const LATE_FOR: f64 = 0.05;
-/// Within this of what it was, s, for so long, s: it is fine again.
+/// Within this of what it was, s, for this long, s: it is fine again.
 const FINE: f64 = 0.006;
 const FINE_FOR: f64 = 0.5;
 /// What differs by more, s, was numbered anew: it tells nothing of the line.

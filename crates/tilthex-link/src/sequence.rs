@@ -10,7 +10,7 @@ use tilthex_core::{
 /// What became of a numbered sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Arrival {
-    /// A new one, made at a time, after so many that were lost.
+    /// A new one, made at a time, after this many that were lost.
     New {
         /// When it was made, s on the host's clock; never before the one
         /// before, never after its arrival.

@@ -71,7 +71,7 @@ pub enum End {
 pub struct LoopParams {
     /// Between two ticks.
     pub period: Duration,
-    /// Lands so long after take-off, s.
+    /// Lands this long after take-off, s.
     pub duration: Option<f64>,
     /// Lands when the route has been flown.
     pub land_after_route: bool,

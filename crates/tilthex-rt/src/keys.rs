@@ -21,7 +21,7 @@ use crate::flags::Flags;
 
 /// The key: a capital, which a hasty hand does not hit.
 pub(crate) const KILL: u8 = b'K';
-/// The thread looks so often whether it is to end.
+/// The thread looks this often whether it is to end.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
 /// The watch on the terminal's keys. It gives the terminal back when it is dropped.

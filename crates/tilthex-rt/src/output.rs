@@ -14,7 +14,7 @@ use std::{
 
 /// Lines that may wait. A summary has some twenty.
 const QUEUE: usize = 256;
-/// So long is waited at the end for a reader that takes nothing.
+/// This long is waited at the end for a reader that takes nothing.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 enum Order {

@@ -27,9 +27,9 @@ use crate::{
 
 /// Truths the ring holds.
 const TRUTH_RING: usize = 256;
-/// The recorder looks so often.
+/// Time between two looks of the recorder.
 const LOOK: Duration = Duration::from_millis(10);
-/// The file is complete up to so long ago, s.
+/// Time between two flushes of the file, s: what a killed program may lose.
 const FLUSH: f64 = 0.5;
 
 /// The simulation's end of its ring.

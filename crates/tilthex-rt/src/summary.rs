@@ -12,7 +12,7 @@ use crate::histogram::{Histogram, Quantiles};
 
 /// A steady push is judged by the mean over its last second.
 const SETTLED: f64 = 1.0;
-/// A push is steady when it has lasted so long, s.
+/// A push is steady when it has lasted this long, s.
 const STEADY: f64 = 5.0;
 
 /// Mean square and peak of a deviation.
@@ -82,7 +82,7 @@ pub struct Statistics {
     pub deflection: Option<Deflection>,
     /// Estimated latency of poses in flight, s.
     pub latency: Deviation,
-    /// For how long each part of the wanted wrench was the most important one given up in flight, s.
+    /// For how long each part of the wanted wrench was the most important one given up, flying or holding, s.
     pub given_up: Vec<(Priority, f64)>,
     /// Faults there have been in flight.
     pub faults: FaultSet,
@@ -115,6 +115,8 @@ impl Statistics {
         if record.phase.in_flight() {
             self.faults.0 |= record.faults.0;
             self.latency.add(record.latency);
+        }
+        if matches!(record.phase, Phase::Flying | Phase::Holding) {
             self.give_up(record.given_up, record.dt);
         }
         let lands = matches!(record.phase, Phase::Landing | Phase::Emergency);

@@ -5,11 +5,11 @@ use super::coarse::Coarse;
 use crate::{types::Vector3, ukf::InitialDeviation};
 use libm::sqrt;
 
-/// So many refused poses in a row are judged together; fewer never: an outlier after a loss is no beginning.
+/// This many refused poses in a row are judged together; fewer never: an outlier after a loss is no beginning.
 const REFUSALS: usize = 5;
 /// Poses this many times as noisy as configured say nothing.
 const MOST_NOISE: f64 = 100.0;
-/// So many applied poses tell how surprising poses are.
+/// This many applied poses tell how surprising poses are.
 const RECENT: usize = 15;
 /// Median of a chi-square variable with 6 degrees of freedom.
 const EXPECTED_MEDIAN: f64 = 5.348;

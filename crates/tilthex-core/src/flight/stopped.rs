@@ -2,7 +2,7 @@
 
 use crate::{supervisor::limits::STOPPED_AFTER, types::MAX_ROTORS};
 
-/// A motor that turns as it should for so long, s, is believed again.
+/// A motor that turns as it should for this long, s, is believed again.
 const RESTORED: f64 = 0.2;
 
 /// For how long each motor has said so, and which of them are not believed.

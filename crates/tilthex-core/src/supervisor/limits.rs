@@ -4,7 +4,7 @@
 pub const IMU_LATE: f64 = 6e-3;
 /// Without inertial samples for longer than this the IMU is silent, s.
 pub const IMU_SILENT: f64 = 0.05;
-/// So many inertial readings in a row that are equal to the bit are no measurement.
+/// This many inertial readings in a row that are equal to the bit are no measurement.
 pub const IMU_FROZEN: u32 = 25;
 /// A line whose samples come later than they used to by more than this is late, s.
 pub const LINE_LATE: f64 = 0.015;
@@ -22,25 +22,25 @@ pub const WRONG_SPEED: f64 = 12.0;
 pub const STOPPED: f64 = 0.5;
 /// The least share of its wrench that a rotor without thrust lacks.
 pub const THRUST_MISSING: f64 = 0.6;
-/// The same rotor is suspected to have no thrust for so long, s.
+/// The same rotor is suspected to have no thrust for this long, s.
 pub const THRUST_AFTER: f64 = 0.06;
-/// Then it is tried, twice: it stands still for so long, s.
+/// Then it is tried, twice: it stands still for this long, s.
 pub const THRUST_TRIAL: f64 = 0.12;
-/// A motor that says it has stopped is believed after so long, unless its rotor lifts, s.
+/// A motor that says it has stopped is believed after this long, unless its rotor lifts, s.
 pub const STOPPED_AFTER: f64 = 0.06;
 /// Speed of the descent without a rotor that it takes to hover, m/s.
 pub const ADRIFT_SPEED: f64 = 1.0;
 /// The same pose to the bit for longer than this is no pose, s.
 pub const POSE_FROZEN: f64 = 0.1;
-/// The motion by the IMU alone is compared with that of the poses over so long, s.
+/// The motion by the IMU alone is compared with that of the poses over this time, s.
 pub const CAPTURE_WINDOW: f64 = 1.0;
-/// The first one after take-off over so long, s.
+/// The first one after take-off over this time, s.
 pub const RECKONED_FIRST: f64 = 2.0;
 /// They agree within this, m and m/s.
 pub const CAPTURE_AGREES: (f64, f64) = (0.12, 0.25);
 /// Up to this height above the ground a lift-off that goes wrong ends with the motors' stop, m.
 pub const LIFT_OFF: f64 = 0.3;
-/// A lift-off is watched for so long at the most, s.
+/// A lift-off is watched for this long at the most, s.
 pub const LIFT_OFF_TIME: f64 = 3.0;
 /// In it a good vehicle leaves its attitude by less than this, degrees.
 pub const LIFT_OFF_TILT: f64 = 9.0;
@@ -56,7 +56,7 @@ pub const POSE_LOST: f64 = 0.1;
 pub const POSE_LOST_LONG: f64 = 0.5;
 /// Without a usable pose for longer than this the horizontal position is given up, s.
 pub const POSE_LOST_FOR_GOOD: f64 = 2.0;
-/// So many refused poses in a row are a fault.
+/// This many refused poses in a row are a fault.
 pub const POSES_REFUSED: u32 = 5;
 /// Mean normalised innovation squared above which model and measurement disagree; 1 is agreement.
 pub const INCONSISTENCY: f64 = 4.0;
@@ -64,7 +64,7 @@ pub const INCONSISTENCY: f64 = 4.0;
 pub const POSITION_DEVIATION: f64 = 0.5;
 /// Deviation of the velocity above which the speed is not known, m/s.
 pub const VELOCITY_DEVIATION: f64 = 1.0;
-/// A landing that comes no lower for so long fails, s.
+/// A landing that comes no lower for this long fails, s.
 pub const LANDING_STOPS: f64 = 8.0;
 /// A landing that rises above its begin by this fails, m.
 pub const LANDING_RISES: f64 = 0.6;

@@ -22,11 +22,11 @@ const IDENTIFY_EVERY: f64 = 0.5;
 const IDENTIFY_TRIES: u32 = 4;
 /// Between two start or stop commands, s.
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
-/// Motors that were driven are told to stop for at least so long, whatever they say of themselves, s.
+/// Motors that were driven are told to stop for at least this long, whatever they say of themselves, s.
 const INSIST: f64 = 0.5;
 /// Largest change of a rotor's speed from one sample to the next, Hz.
 const MOTOR_JUMP: f64 = 40.0;
-/// A jump is believed after so many samples that agree with it.
+/// A jump is believed after this many samples that agree with it.
 const PATIENCE: u8 = 4;
 /// A time before any, s.
 const LONG_AGO: f64 = -1e9;

@@ -13,7 +13,7 @@ use tilthex_core::{
 const FULL_SCALE: u16 = 32_760;
 /// Largest change of an inertial reading from one sample to the next: rad/s, m/s^2.
 const IMU_JUMP: (f64, f64) = (3.0, 40.0);
-/// A jump, or another length, is believed after so many samples that agree with it.
+/// A jump, or another length, is believed after this many samples that agree with it.
 const PATIENCE: u8 = 4;
 /// No more inertial samples than these are refused in a row for their jumps: an impact shakes.
 const MOST_REFUSED: u8 = 2;

@@ -29,11 +29,11 @@ use tilthex_core::types::Nanos;
 const MILLISECOND: Nanos = 1_000_000;
 /// A question that is not answered is asked again.
 const ASK_AGAIN: Nanos = 200 * MILLISECOND;
-/// So long is waited for each of introduction, models and first frame.
+/// This long is waited for each of introduction, models and first frame.
 const PATIENCE: Nanos = 1_200 * MILLISECOND;
 /// The server forgets clients that do not say that they listen.
 const KEEP_ALIVE: Nanos = 200 * MILLISECOND;
-/// After so long without a frame the server is asked anew.
+/// After this long without a frame the server is asked anew.
 const SILENCE: Nanos = 1_000 * MILLISECOND;
 /// Largest relative drift between a server's clock and ours.
 const DRIFT: f64 = 1e-4;

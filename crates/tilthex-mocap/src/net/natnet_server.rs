@@ -21,7 +21,7 @@ use tilthex_core::types::Nanos;
 
 /// Clients that are served at once.
 const MAX_CLIENTS: usize = 16;
-/// A client that said nothing for so long is gone.
+/// A client that said nothing for this long is gone.
 const CLIENT_TIMEOUT: Nanos = 10_000_000_000;
 /// The server's clock ticks every 100 ns, from an origin of its own.
 const TICK: Nanos = 100;

@@ -18,11 +18,11 @@ use super::{
 use crate::udp::{MAX_LENGTH, PosePacket};
 use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
 
-/// So long is waited for the first pose.
+/// This long is waited for the first pose.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Reads return at least so often, to see whether to stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
-/// Without a pose for so long, the sender may come back from another port, s.
+/// Without a pose for this long, the sender may come back from another port, s.
 const FORGOTTEN: f64 = 1.0;
 /// Stamps may be times of another machine.
 const DRIFT: f64 = 1e-4;

@@ -19,13 +19,13 @@ use super::{
     uri::MocapUri,
 };
 
-/// So long is waited for each of connection, greeting and first pose.
+/// This long is waited for each of connection, greeting and first pose.
 const PATIENCE: Duration = Duration::from_millis(1200);
 /// Reads return at least so often, to see whether to stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
 /// Between attempts to connect again, behind a first one at once: a pose that is lost for 0.5 s lands.
 const RECONNECT: Duration = Duration::from_millis(20);
-/// So long is waited for a server that is connected to again.
+/// This long is waited for a server that is connected to again.
 const PATIENCE_AGAIN: Duration = Duration::from_millis(200);
 /// Names kept for a message.
 const MAX_NAMES: usize = 64;

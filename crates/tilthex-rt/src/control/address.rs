@@ -144,7 +144,7 @@ pub(super) enum Stream {
 }
 
 impl Stream {
-    /// Writing waits for so long.
+    /// Writing waits for this long.
     pub(super) fn set_blocking(&self, write: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(s) => s.set_nonblocking(false).and_then(|()| s.set_write_timeout(Some(write))),
@@ -152,7 +152,7 @@ impl Stream {
         }
     }
 
-    /// Reading waits for so long.
+    /// Reading waits for this long.
     pub(super) fn set_patience(&self, read: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.set_read_timeout(Some(read)),

@@ -15,7 +15,7 @@ use crate::sleeper::{Clock, Monotonic};
 const LONGEST_LINE: usize = 64 * 1024;
 /// How long a thread waits for its socket before it looks at anything else.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
-/// A client that takes nothing for so long is dropped.
+/// A client that takes nothing for this long is dropped.
 const STUCK: Duration = Duration::from_millis(500);
 
 /// A connection and what was said on it.

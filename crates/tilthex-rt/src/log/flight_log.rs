@@ -15,7 +15,7 @@ use super::{
 };
 use tilthex_sim::{Truth, feed::Tick};
 
-/// Frames for 3D viewers are logged every so many ticks.
+/// One tick in this many logs the frames for 3D viewers.
 const TRANSFORM_EVERY: u64 = 5;
 
 /// From the monotonic clock to time since 1970.

@@ -209,7 +209,7 @@ impl World {
         }
     }
 
-    /// Goes on for so long, s, or until something holds; whether it does.
+    /// Goes on for this long, s, or until something holds; whether it does.
     pub(crate) fn until(&mut self, seconds: f64, mut holds: impl FnMut(&Self) -> bool) -> bool {
         for _ in 0..(seconds * 500.0) as usize {
             self.tick(None);
@@ -220,7 +220,7 @@ impl World {
         false
     }
 
-    /// Goes on for so long, s.
+    /// Goes on for this long, s.
     pub(crate) fn run(&mut self, seconds: f64) {
         self.until(seconds, |_| false);
     }
