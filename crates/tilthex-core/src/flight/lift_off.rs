@@ -7,7 +7,7 @@ use super::{Flight, capture::Contradiction, witness::Witness};
 use crate::{
     GRAVITY, so3,
     supervisor::{
-        Fault, FaultSet, Phase,
+        Fault, FaultSet, LIFT_OFF_FAULTS, Phase,
         limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME},
     },
     types::{PoseSample, Vector3},
@@ -73,13 +73,7 @@ impl Flight {
         } else {
             None
         };
-        for known in [
-            Fault::MotorOrder,
-            Fault::CaptureAxes,
-            Fault::CaptureMirrored,
-            Fault::CaptureLate,
-            Fault::LiftOff,
-        ] {
+        for known in LIFT_OFF_FAULTS {
             conditions.insert_if(known, self.lift_off.fault == Some(known));
         }
         abort

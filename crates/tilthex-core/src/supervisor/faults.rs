@@ -161,6 +161,10 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
     Sentence { text, numbers }
 }
 
+/// What the watch on the lift-off tells apart; each stops the motors just above the ground.
+pub const LIFT_OFF_FAULTS: [Fault; 5] =
+    [Fault::MotorOrder, Fault::CaptureAxes, Fault::CaptureMirrored, Fault::CaptureLate, Fault::LiftOff];
+
 /// Number of faults.
 pub const COUNT: usize = 55;
 

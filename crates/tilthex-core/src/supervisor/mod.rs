@@ -6,7 +6,7 @@
 pub mod faults;
 pub mod limits;
 
-pub use faults::{COUNT, Fault, FaultSet, Reaction, Row, Sentence, TABLE};
+pub use faults::{COUNT, Fault, FaultSet, LIFT_OFF_FAULTS, Reaction, Row, Sentence, TABLE};
 
 /// The phases of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use tilthex_core::{
     Vector3,
     flight::Record,
-    supervisor::{Fault, FaultSet, Phase, Reaction, TABLE, limits::LIFT_OFF_TIME},
+    supervisor::{Fault, FaultSet, LIFT_OFF_FAULTS, Phase, Reaction, TABLE, limits::LIFT_OFF_TIME},
 };
 use tilthex_link::tk3::{self, HostMessage, Receiver};
 
@@ -156,10 +156,9 @@ impl Judge {
             }
             HostMessage::Stop(_) | HostMessage::StopAll => {
                 let height = world.simulation.truth().robot.position_w.z - self.start.z;
-                let lift_off =
-                    [Fault::LiftOff, Fault::MotorOrder, Fault::CaptureAxes, Fault::PoseContradicts];
+                let known = |fault: Fault| record.faults.contains(fault);
                 let at_first = self.took_off.is_some_and(|time| world.now() - time <= LIFT_OFF_TIME)
-                    && lift_off.iter().any(|&fault| record.faults.contains(fault));
+                    && (LIFT_OFF_FAULTS.into_iter().any(known) || known(Fault::PoseContradicts));
                 if record.phase.in_flight() || height > if at_first { LOW_AT_FIRST } else { LOW } {
                     self.fail(world, format_args!("stopped motors {height:.2} m above the start"));
                 }
