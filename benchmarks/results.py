@@ -45,6 +45,11 @@ PAGES = (
         ("tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",),
     ),
     Page(
+        "contact_stability",
+        "Predicted and flown borders of stable contact",
+        ("python -m benchmarks.contact_stability --cases 100 --first 9000",),
+    ),
+    Page(
         "model",
         "Vehicles that are not their model, after the calibration flight",
         (

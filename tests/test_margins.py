@@ -9,8 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import tilthex
+from tilthex import __main__ as command
 from tilthex import check
 from tilthex.experiments.stability import TIP_DAMPING, Chain, growth
+
+from benchmarks import contact_stability
 
 PLANE = {"preset": "tilt-hex", "tool_position": [0, 0, -0.4], "inertia": [0.0115, 0.0115, 0.0194]}
 STIFF_TIP = 1e5
@@ -85,3 +88,22 @@ def test_check_prints_and_plots(tmp_path):
     assert {"roll", "pitch", "yaw"} <= set(low)
     assert "along x" in done.stdout and "the tip pushes" in done.stdout
     assert (tmp_path / "loops.png").stat().st_size > 10_000
+
+
+def test_tuned_gains_are_toml_with_reasons_that_reads_back(capsys):
+    config = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    assert command.main(["tune", "tilt-hex"]) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("# Derived by `tilthex tune` for tilt-hex")
+    tuned = tilthex.Config.from_text(f'[vehicle]\npreset = "tilt-hex"\n{printed}')
+    assert tuned == config.replace(**tilthex.LoopModel(config).derive()) != config
+    found = tilthex.LoopModel(tuned).hover()
+    assert found["phase_margin_deg"].min() >= check.LEAST_PHASE_MARGIN
+    assert found["sensitivity_peak"].max() <= check.LARGEST_PEAK
+
+
+@pytest.mark.parametrize("seed", [7112, 7115])
+def test_flown_contact_ends_where_the_model_says(seed):
+    border, flown = contact_stability.judge(contact_stability.draw(seed))
+    assert 200.0 < border < 50e3
+    assert [grown for _, _, grown in flown] == [False, True]

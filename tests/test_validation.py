@@ -186,7 +186,7 @@ def test_a_configuration_survives_its_file(tmp_path):
     assert changed != CONFIG
     assert changed.vehicle.name == "tilt-hex"
     assert CONFIG.warnings == []
-    slow = CONFIG.replace(wrench_observer={"force_gain": 90})
+    slow = CONFIG.replace(wrench_observer={"torque_gain": 2})
     assert len(slow.warnings) == 1
     path.write_text("[vehicle]\npreset = 'tilt-hex'\n[admittance]\nmas = 1\n")
     with pytest.raises(ValueError, match=rf"^{re.escape(str(path))}: \[admittance\]: unknown key `mas`"):

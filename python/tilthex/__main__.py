@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, check, design, estimate, fit, manoeuvres, plot
+from tilthex import __version__, check, design, estimate, fit, manoeuvres, plot, tune
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
 
@@ -20,6 +20,7 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
     fit.add_parser,
     manoeuvres.add_parser,
     plot.add_parser,
+    tune.add_parser,
 )
 """The `add_parser` of each subcommand's module."""
 USAGE = 2

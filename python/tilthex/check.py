@@ -49,7 +49,7 @@ def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
 
 
 def named(name: str) -> Config:
-    """The configuration of a TOML file, or the default one of a preset."""
+    """The configuration of a TOML file (a vehicle's is one, too), or the default one of a preset."""
     return Config.default(Vehicle.preset(name)) if name in Vehicle.presets() else Config.from_toml(name)
 
 
@@ -114,7 +114,7 @@ def _contact(model: LoopModel, stiffness: float, damping_time: float) -> None:
     for name, direction in zip("xyz", np.eye(3), strict=True):
         with_it = model.contact(along=direction, damping_time=damping_time)
         without = model.contact(along=direction)
-        print(f"  along {name}: {_ranges(with_it, 'N/m')} ({_border(without, 'N/m')})")
+        print(f"  along {name}: {_ranges(with_it, 'N/m')} ({border(without, 'N/m')})")
     direction, found = model.worst_contact(damping_time=damping_time)
     print(f"  worst, along {np.round(direction, 2).tolist()}: {_ranges(found, 'N/m')}")
     for name, direction in zip("xyz", np.eye(3), strict=True):
@@ -140,7 +140,8 @@ def _ranges(found: list[tuple[float, float]], unit: str) -> str:
     return ", ".join(f"{_number(low)} to {_number(high)}" for low, high in found) + f" {unit}"
 
 
-def _border(found: list[tuple[float, float]], unit: str) -> str:
+def border(found: list[tuple[float, float]], unit: str) -> str:
+    """In words: up to which stiffness all contact is stable."""
     return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
 
 

@@ -1,12 +1,14 @@
 //! The sections of the controller's blocks.
 
 use super::{
+    LinkSection,
+    margins::LoopModel,
     reach::Reach,
     section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
 use tilthex_core::{
-    Vehicle,
+    Vector3, Vehicle,
     admittance::{AdmittanceFilter, AdmittanceParams},
     allocation::{Allocator, AllocatorParams, Priority},
     attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
@@ -19,7 +21,8 @@ use tilthex_core::{
 use toml::Table;
 
 section! {
-    /// The pose controller, (14) and (17). Each gain: one number, or one an axis.
+    /// The pose controller, (14) and (17). Each gain: one number, or one an axis. Where rotors' lag or the link's
+    /// delay leave the default ones too little margin, they are derived (docs/stability.md).
     pub PoseControlSection as "pose_control" {
         /// K_p2, on the position error, world axes.
         position_gain: Axes<3> = Axes([100.0; 3]) => "1/s^2" from 0.0 to 1e5,
@@ -33,7 +36,7 @@ section! {
 }
 
 section! {
-    /// The wrench observer, (19) and (21). Each gain: one number, or one an axis.
+    /// The wrench observer, (19) and (21). Each gain: one number, or one an axis. Default: likewise.
     pub WrenchObserverSection as "wrench_observer" {
         /// L: rate at which the force estimate follows, world axes.
         force_gain: Axes<3> = Axes([30.0; 3]) => "1/s" from 1e-6 to 1e5,
@@ -179,21 +182,63 @@ impl AttitudeSection {
 /// the attitude stands between the position's error and its force, and the
 /// position loop and the observer whose estimate it compensates must be slower.
 /// Such a vehicle has no other lateral force, and may turn further for it.
-/// And what each can push.
-pub(super) fn defaults(vehicle: &Vehicle) -> Result<Table, ConfigError> {
+/// And what each can push. Where rotors or link (in `given`) are so slow that these gains leave little margin,
+/// derived ones.
+pub(super) fn defaults(vehicle: &Vehicle, given: &Table) -> Result<Table, ConfigError> {
     let reach = Reach::of(vehicle, 0.0);
     // In tenths, within what the section takes.
     let rounded = |found: f64, least: f64| ((10.0 * found).round() / 10.0).max(least);
     let (force, torque) = (rounded(reach.largest_force(), 1.0), rounded(reach.largest_torque(), 0.1));
-    let text = match vehicle.actuation() {
-        Actuation::Pose => "",
-        _ => {
-            "pose_control = { position_gain = 5.0, velocity_gain = 5.0 }\n\
-             wrench_observer = { force_gain = 4.0 }\n\
-             attitude = { max_turn_deg = 45.0 }\n"
-        }
+    let tilts = vehicle.actuation() != Actuation::Pose;
+    let mut params = default_params()?;
+    if tilts {
+        params.pose.position = Vector3::repeat(5.0);
+        params.pose.velocity = Vector3::repeat(5.0);
+    }
+    // What cannot be of the link is said where it is read.
+    let link = given.get("link").and_then(toml::Value::as_table);
+    let link: LinkSection = link.and_then(|table| section::read(table).ok()).unwrap_or_default();
+    let model = LoopModel::new(params, vehicle, vehicle, link.loop_delays());
+    let gains = match (model.is_sound(), tilts) {
+        (true, false) => String::new(),
+        (true, true) => "pose_control = { position_gain = 5.0, velocity_gain = 5.0 }\n\
+                         wrench_observer = { force_gain = 4.0 }\n"
+            .into(),
+        (false, _) => model.derive().to_toml(),
     };
-    super::parse(&format!("{text}supervisor = {{ max_force = {force:?}, max_torque = {torque:?} }}\n"))
+    let turn = if tilts { "attitude = { max_turn_deg = 45.0 }\n" } else { "" };
+    super::parse(&format!("{gains}{turn}supervisor = {{ max_force = {force:?}, max_torque = {torque:?} }}\n"))
+}
+
+fn default_params() -> Result<ControllerParams, ConfigError> {
+    params(
+        &PoseControlSection::default(),
+        &WrenchObserverSection::default(),
+        &AdmittanceSection::default(),
+        &AllocationSection::default(),
+        &AttitudeSection::default(),
+    )
+}
+
+fn params(
+    pose: &PoseControlSection,
+    observer: &WrenchObserverSection,
+    admittance: &AdmittanceSection,
+    allocation: &AllocationSection,
+    attitude: &AttitudeSection,
+) -> Result<ControllerParams, ConfigError> {
+    Ok(ControllerParams {
+        pose: pose.gains(),
+        observer: observer.gains(),
+        admittance: admittance.params(),
+        force_dead_zone: admittance.force_dead_zone,
+        torque_dead_zone: admittance.torque_dead_zone,
+        low_pass_hz: admittance.low_pass_hz,
+        room_torque: admittance.room_torque,
+        free_wrench: admittance.free_wrench(),
+        allocation: allocation.params()?,
+        attitude: attitude.params()?,
+    })
 }
 
 /// The controller's parameters, checked block by block so that an error names its section.
@@ -208,18 +253,7 @@ pub(super) fn controller_params(
     fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
         ConfigError::from(error).within(format_args!("[{}]", S::NAME))
     }
-    let params = ControllerParams {
-        pose: pose.gains(),
-        observer: observer.gains(),
-        admittance: admittance.params(),
-        force_dead_zone: admittance.force_dead_zone,
-        torque_dead_zone: admittance.torque_dead_zone,
-        low_pass_hz: admittance.low_pass_hz,
-        room_torque: admittance.room_torque,
-        free_wrench: admittance.free_wrench(),
-        allocation: allocation.params()?,
-        attitude: attitude.params()?,
-    };
+    let params = params(pose, observer, admittance, allocation, attitude)?;
     PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
     WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
     AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;

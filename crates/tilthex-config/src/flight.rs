@@ -27,12 +27,7 @@ impl Config {
     /// The delays of the loop as stability margins count them.
     #[must_use]
     pub fn loop_delays(&self) -> LoopDelays {
-        LoopDelays {
-            period: 1.0 / self.link.imu_rate,
-            line: self.link.loop_delay,
-            // The newest of a motor's samples is half a period old in the mean.
-            rotor_speeds: 0.5 / self.link.motor_rate,
-        }
+        self.link.loop_delays()
     }
 
     /// The parameters of a flight; `take_off` starts it without a command.
@@ -72,6 +67,15 @@ impl Config {
 }
 
 impl LinkSection {
+    pub(super) fn loop_delays(&self) -> LoopDelays {
+        LoopDelays {
+            period: 1.0 / self.imu_rate,
+            line: self.loop_delay,
+            // The newest of a motor's samples is half a period old in the mean.
+            rotor_speeds: 0.5 / self.motor_rate,
+        }
+    }
+
     /// Which link the vehicle speaks.
     ///
     /// # Errors

@@ -147,7 +147,7 @@ impl Config {
         for name in table.keys() {
             section::check_known("section", name, each_section!(names))?;
         }
-        let mut defaults = control::defaults(vehicle.vehicle())?;
+        let mut defaults = control::defaults(vehicle.vehicle(), &table)?;
         overlay(&mut defaults, table);
         let mut table = defaults;
         let pose_control = section::take(&mut table)?;
@@ -217,6 +217,7 @@ impl Config {
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.retired.clone();
         warnings.extend(plausible::questions(self.vehicle.vehicle()));
+        warnings.extend(margins::warning(&margins::LoopModel::of(self)));
         warnings.extend(time_scales::warnings(&self.controller));
         warnings.extend(control::spring_warning(&self.controller));
         warnings

@@ -1,36 +1,21 @@
-//! The inner loop must be faster than the observer, and the observer faster
-//! than the admittance filter (docs/laws.md): their dominant poles.
+//! The observer must be faster than the admittance filter (docs/laws.md): their dominant poles. What the observer and the
+//! pose controller are to each other the margins tell.
 
-use nalgebra::{SMatrix, Vector3};
+use nalgebra::SMatrix;
 use tilthex_core::{Matrix6, controller::ControllerParams};
 
-/// Least ratio of the inner loop's dominant pole to the observer's. Below one,
-/// because the observer's estimate does not depend on the inner loop as long
-/// as the vehicle moves freely; the experiments hold down to this ratio.
-const INNER_TO_OBSERVER: f64 = 0.3;
 /// Least ratio of the observer's pole to the admittance filter's dominant one.
 const OBSERVER_TO_ADMITTANCE: f64 = 1.5;
 
 /// One sentence for each pair of blocks that are too close.
 pub(super) fn warnings(params: &ControllerParams) -> Vec<String> {
-    let pose = &params.pose;
     let a = &params.admittance;
     let block = |m: &Matrix6, at: usize| m.fixed_view::<3, 3>(at, at).into_owned();
     let mut found = Vec::new();
-    for (what, inner, observer, at) in [
-        ("translation", second_order(&pose.position, &pose.velocity), params.observer.force.min(), 0),
-        ("rotation", second_order(&pose.rotation, &pose.angular_velocity), params.observer.torque.min(), 3),
-    ] {
+    for (what, observer, at) in
+        [("translation", params.observer.force.min(), 0), ("rotation", params.observer.torque.min(), 3)]
+    {
         let yields = dominant(block(&a.mass, at), block(&a.damping, at), block(&a.stiffness, at));
-        let fastest_observer =
-            if at == 0 { params.observer.force.max() } else { params.observer.torque.max() };
-        if inner < INNER_TO_OBSERVER * fastest_observer {
-            found.push(format!(
-                "{what}: the pose controller (dominant pole {inner:.2} 1/s) is too slow for the wrench observer \
-                 ({fastest_observer:.2} 1/s); expected at least {INNER_TO_OBSERVER} of it: raise its gains or \
-                 lower the observer's"
-            ));
-        }
         if observer < OBSERVER_TO_ADMITTANCE * yields {
             found.push(format!(
                 "{what}: the wrench observer ({observer:.2} 1/s) is too slow for the admittance filter \
@@ -40,22 +25,6 @@ pub(super) fn warnings(params: &ControllerParams) -> Vec<String> {
         }
     }
     found
-}
-
-/// Magnitude of the slowest pole of `s^2 + damping s + stiffness`, 1/s.
-fn slowest(stiffness: f64, damping: f64) -> f64 {
-    let discriminant = damping * damping / 4.0 - stiffness;
-    if discriminant <= 0.0 {
-        stiffness.sqrt()
-    } else {
-        // The product of the roots over the larger one: no cancellation.
-        stiffness / (damping / 2.0 + discriminant.sqrt())
-    }
-}
-
-/// The slowest of three axes.
-fn second_order(stiffness: &Vector3<f64>, damping: &Vector3<f64>) -> f64 {
-    stiffness.zip_map(damping, slowest).min()
 }
 
 /// Of `M s^2 + D s + K` with three axes: the fastest of the three slowest poles, 1/s.
@@ -83,8 +52,6 @@ mod tests {
 
     #[test]
     fn a_double_pole_and_a_slow_one() {
-        assert_eq!(slowest(100.0, 20.0), 10.0);
-        assert!((slowest(2.0, 3.0) - 1.0).abs() < 1e-15);
         let d = |x: f64| SMatrix::<f64, 3, 3>::from_diagonal_element(x);
         assert!((dominant(d(2.0), d(6.0), d(4.0)) - 1.0).abs() < 1e-12);
         assert_eq!(dominant(d(2.0), d(6.0), d(0.0)), 0.0);
@@ -112,8 +79,6 @@ mod tests {
 
     #[test]
     fn the_pair_that_is_too_close_is_named() {
-        let slow_inner = of("[wrench_observer]\nforce_gain = 60");
-        assert!(slow_inner.len() == 1 && slow_inner[0].starts_with("translation: the pose controller"));
         let slow_observer = of("[wrench_observer]\ntorque_gain = 2");
         assert!(slow_observer.len() == 1 && slow_observer[0].starts_with("rotation: the wrench observer"));
     }

@@ -75,6 +75,20 @@ impl LoopModel {
         Ok(out)
     }
 
+    /// The fastest gains with 45 degrees of phase margin and a sensitivity peak of at most 2 in every axis, as sections for
+    /// `Config.replace`; of the configuration only vehicle, delays and the turn's bandwidth count.
+    fn derive<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (derived, out) = (self.model.derive(), PyDict::new(py));
+        for (section, keys) in derived.sections() {
+            let of_section = PyDict::new(py);
+            for (key, values) in keys {
+                of_section.set_item(key, values.to_vec())?;
+            }
+            out.set_item(section, of_section)?;
+        }
+        Ok(out)
+    }
+
     /// The loops in hover: `frequency`, (N,), rad/s, and real and imaginary part of each axis' loop gain,
     /// `real` and `imaginary`, (6, N), all other axes' loops closed.
     fn loops<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

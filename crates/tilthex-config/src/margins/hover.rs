@@ -1,6 +1,9 @@
 //! Margins of the hovering vehicle.
 
-use super::model::{LoopModel, Matrix, unstable};
+use super::{
+    model::{LoopModel, Matrix, unstable},
+    tune::{HIGH_PEAK, LEAST_PHASE_MARGIN_DEG, LOW_PHASE_MARGIN_DEG},
+};
 use nalgebra::{Complex, ComplexField};
 
 /// A loop gain below this is none.
@@ -45,6 +48,34 @@ impl HoverMargins {
     pub fn largest_sensitivity_peak(&self) -> f64 {
         self.axes.iter().map(|a| a.sensitivity_peak).fold(0.0, f64::max)
     }
+}
+
+/// One sentence where the margins of a vehicle that is its model are low.
+pub(crate) fn warning(model: &LoopModel) -> Option<String> {
+    // Its axes do not act on each other.
+    let frequencies: Vec<f64> = model.frequencies().collect();
+    let found: [AxisMargins; 6] = std::array::from_fn(|axis| {
+        let gains: Vec<_> = frequencies.iter().map(|w| model.axis_gain(axis, *w)).collect();
+        margins(&frequencies, &gains)
+    });
+    let low = |a: &AxisMargins| a.phase_margin_deg < LOW_PHASE_MARGIN_DEG || a.sensitivity_peak > HIGH_PEAK;
+    let axes: Vec<usize> = (0..6).filter(|i| low(&found[*i])).collect();
+    let (last, others) = axes.split_last()?;
+    let names = others.iter().map(|i| AXES[*i]).collect::<Vec<_>>().join(", ");
+    let names = if others.is_empty() { AXES[*last].into() } else { format!("{names} and {}", AXES[*last]) };
+    let least = axes.iter().map(|i| found[*i].phase_margin_deg).fold(f64::INFINITY, f64::min);
+    let peak = axes.iter().map(|i| found[*i].sensitivity_peak).fold(0.0, f64::max);
+    let what = if least > 0.0 {
+        format!("{least:.1} degrees of phase margin and a sensitivity peak of {peak:.2}")
+    } else {
+        "the loop is unstable".into()
+    };
+    let delay = 1e3 * (model.delays.line + 0.5 * model.delays.period);
+    Some(format!(
+        "[pose_control]: {names}: {what}, with {delay:.1} ms of delay and the rotors' lag; expected at least \
+         {LOW_PHASE_MARGIN_DEG} degrees and at most {HIGH_PEAK}: lower the gains, or take those of `tilthex tune`, with \
+         {LEAST_PHASE_MARGIN_DEG} degrees"
+    ))
 }
 
 /// The loops of the six axes over the frequency, each with all others closed.

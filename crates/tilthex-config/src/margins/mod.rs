@@ -5,10 +5,13 @@
 mod contact;
 mod hover;
 mod model;
+mod tune;
 
 pub use contact::{Contact, Hold, StiffnessRange};
+pub(crate) use hover::warning;
 pub use hover::{AXES, AxisMargins, HoverMargins, Loops};
 pub use model::{LoopDelays, LoopModel};
+pub use tune::{Derived, HIGH_PEAK, LARGEST_PEAK, LEAST_PHASE_MARGIN_DEG, LOW_PHASE_MARGIN_DEG};
 
 #[cfg(test)]
 mod tests;

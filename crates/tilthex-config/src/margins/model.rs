@@ -75,6 +75,21 @@ pub(crate) struct Point {
     turn: Matrix,
 }
 
+/// Delay, hold and lag at one frequency.
+struct Rotor {
+    s: Number,
+    /// A period before.
+    last: Number,
+    hold: Number,
+    answer: Number,
+}
+
+/// A first-order lag as it is computed, by its rate times the period.
+fn discrete_lag(rate: f64, last: Number) -> Number {
+    let share = -(-rate).exp_m1();
+    Number::new(share, 0.0) / (Number::new(1.0, 0.0) - last * (1.0 - share))
+}
+
 pub(crate) fn real(m: &Matrix6) -> Matrix {
     m.map(|x| Number::new(x, 0.0))
 }
@@ -101,7 +116,8 @@ impl LoopModel {
     /// Of a configuration whose vehicle is its model.
     #[must_use]
     pub fn of(config: &Config) -> Self {
-        Self::new(config, config.vehicle().vehicle(), config.loop_delays())
+        let vehicle = config.vehicle().vehicle();
+        Self::new(*config.controller(), vehicle, vehicle, config.loop_delays())
     }
 
     /// Of a configuration that flies a drawn vehicle.
@@ -109,11 +125,16 @@ impl LoopModel {
     pub fn of_true(config: &Config, drawn: &TrueVehicle) -> Self {
         let mut delays = config.loop_delays();
         delays.rotor_speeds += drawn.delays.rotor_speeds;
-        Self::new(config, drawn.vehicle.vehicle(), delays)
+        Self::new(*config.controller(), config.vehicle().vehicle(), drawn.vehicle.vehicle(), delays)
     }
 
-    fn new(config: &Config, truth: &Vehicle, delays: LoopDelays) -> Self {
-        let model = config.vehicle().vehicle();
+    /// Of a controller that has a model of a true vehicle.
+    pub(crate) fn new(
+        params: ControllerParams,
+        model: &Vehicle,
+        truth: &Vehicle,
+        delays: LoopDelays,
+    ) -> Self {
         let (model_mass, true_mass) = (generalised(model), generalised(truth));
         let true_inverse = true_mass.try_inverse().unwrap_or_else(Matrix6::identity);
         let model_inverse = model_mass.try_inverse().unwrap_or_else(Matrix6::identity);
@@ -128,7 +149,7 @@ impl LoopModel {
             effect[(i, i)] = 1.0;
         }
         Self {
-            params: *config.controller(),
+            params,
             delays,
             model_mass,
             true_inverse,
@@ -153,15 +174,9 @@ impl LoopModel {
     pub(crate) fn at(&self, frequency: f64, drives: [bool; 2]) -> Point {
         let one = Number::new(1.0, 0.0);
         let period = self.delays.period;
-        let s = Number::new(0.0, frequency);
-        let last = unit(-frequency * period);
-        let hold = (one - last) / (s * period);
+        let Rotor { s, last, hold, answer: rotor } = self.rotor(frequency);
         let late = |delay: f64| unit(-frequency * delay);
-        let lag = |rate: f64| {
-            let share = -(-rate * period).exp_m1();
-            Number::new(share, 0.0) / (one - last * (1.0 - share))
-        };
-        let rotor = late(self.delays.line) * hold / (one + s * self.true_lag);
+        let lag = |rate: f64| discrete_lag(rate * period, last);
         let pose = self.pose(s);
         let (mut rotors, mut seen) = (Diagonal::repeat(rotor), Diagonal::repeat(rotor));
         let mut turn = Matrix::zeros();
@@ -202,6 +217,36 @@ impl LoopModel {
             yields: yields * real(&(through * to_tool)),
             turn,
         }
+    }
+
+    /// The loop of one axis of a vehicle that is its model, at a frequency, rad/s: what [`Self::loop_gain`] has on its
+    /// diagonal.
+    pub(crate) fn axis_gain(&self, axis: usize, frequency: f64) -> Number {
+        let Rotor { s, last, answer, .. } = self.rotor(frequency);
+        let pose = self.pose(s)[axis] / (s * s);
+        if self.tilts[axis] {
+            return pose * self.turned(s) * self.attitude(s, answer, if axis == 0 { 4 } else { 3 });
+        }
+        let gains = self.params.observer;
+        let gain = if axis < 3 { gains.force[axis] } else { gains.torque[axis - 3] };
+        let seen_late = Number::new(1.0, 0.0) - unit(-frequency * self.delays.rotor_speeds);
+        let observed = discrete_lag(gain * self.delays.period, last) * answer * seen_late;
+        pose * answer / (observed + 1.0)
+    }
+
+    /// Whether an axis is reached only by tilting.
+    pub(crate) fn tilts(&self, axis: usize) -> bool {
+        self.tilts[axis]
+    }
+
+    /// What the rotors give of what they are asked for.
+    fn rotor(&self, frequency: f64) -> Rotor {
+        let one = Number::new(1.0, 0.0);
+        let s = Number::new(0.0, frequency);
+        let last = unit(-frequency * self.delays.period);
+        let hold = (one - last) / (s * self.delays.period);
+        let answer = unit(-frequency * self.delays.line) * hold / (one + s * self.true_lag);
+        Rotor { s, last, hold, answer }
     }
 
     fn pose(&self, s: Number) -> Diagonal {

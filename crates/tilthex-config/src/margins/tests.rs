@@ -1,6 +1,6 @@
 use super::*;
 use crate::{Config, PRESETS, TruthSection, VehicleSection};
-use tilthex_core::Vector3;
+use tilthex_core::{Vector3, vehicle::Actuation};
 
 fn of(overlay: &str) -> LoopModel {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
@@ -84,4 +84,62 @@ fn below_the_least_apparent_mass_contact_is_unstable() {
     let contact = Contact { damping_time: 1e-3, ..Contact::along(Vector3::z()) };
     assert!(lighter.contact(contact).border() < 1e4 && model.contact(contact).border() >= 1e4);
     assert!(model.least_apparent_mass(2, 1e6, 0.0).is_infinite());
+}
+
+#[test]
+fn derived_gains_have_the_margins_that_are_asked_for() {
+    let truth = TruthSection::named("measured").unwrap();
+    for (name, _) in PRESETS {
+        let config = Config::default_for(VehicleSection::preset(name).unwrap());
+        let derived = LoopModel::of(&config).derive().to_toml();
+        let config = config.overlaid(derived.parse().unwrap()).unwrap();
+        let model = LoopModel::of(&config);
+        let found = model.hover();
+        assert!(
+            found.stable && found.least_phase_margin_deg() >= LEAST_PHASE_MARGIN_DEG,
+            "{name}: {found:?}"
+        );
+        assert!(found.largest_sensitivity_peak() <= LARGEST_PEAK, "{name}: {found:?}");
+        assert!(
+            found.axes.iter().all(|a| a.phase_margin_deg < 48.0 || name.contains("rotor")),
+            "{name}: {found:?}"
+        );
+        if config.vehicle().vehicle().actuation() == Actuation::Pose {
+            let contact = model.contact(Contact { damping_time: 1e-3, ..Contact::along(Vector3::x()) });
+            assert!(contact.border() > 5e4, "{name}: {contact:?}");
+        }
+        for seed in 7100..7102 {
+            let drawn = truth.draw(config.vehicle(), seed).unwrap();
+            let found = LoopModel::of_true(&config, &drawn).hover();
+            assert!(found.stable && found.least_phase_margin_deg() >= 30.0, "{name}, {seed}: {found:?}");
+        }
+    }
+}
+
+#[test]
+fn where_rotors_or_the_line_are_slow_the_default_gains_are_derived() {
+    let of = |vehicle: &str, rest: &str| {
+        let text = format!("[vehicle]\npreset = \"tilt-hex\"\n{vehicle}\n{rest}");
+        Config::from_text(&text, std::path::Path::new("")).unwrap()
+    };
+    let (usual, slow) = (of("", ""), of("rotor_time_constant = 0.1", ""));
+    let late = of("", "[link]\nloop_delay = 0.03");
+    assert_eq!(usual.pose_control().rotation_gain.0, [225.0; 3]);
+    for config in [slow, late] {
+        let found = LoopModel::of(&config).hover();
+        assert!(found.least_phase_margin_deg() >= LEAST_PHASE_MARGIN_DEG, "{found:?}");
+        assert_eq!(config.warnings(), Vec::<String>::new());
+    }
+}
+
+#[test]
+fn low_margins_are_said_in_one_sentence_that_names_the_axes() {
+    let warnings = |overlay: &str| {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
+        config.overlaid(overlay.parse().unwrap()).unwrap().warnings()
+    };
+    let low = warnings("[pose_control]\nrotation_gain = 900\nangular_velocity_gain = 60");
+    assert!(low.len() == 1 && low[0].starts_with("[pose_control]: roll, pitch and yaw: "), "{low:?}");
+    let unstable = warnings("[pose_control]\nposition_gain = 9e4\nvelocity_gain = 900");
+    assert!(unstable.len() == 1 && unstable[0].contains("unstable"), "{unstable:?}");
 }

@@ -1,0 +1,146 @@
+//! Gains from the vehicle: as fast as the rotors' lag and the delays let them be.
+
+use super::model::LoopModel;
+use nalgebra::ComplexField;
+use tilthex_core::Vector3;
+
+/// Asked of every axis of the nominal vehicle, degrees.
+pub const LEAST_PHASE_MARGIN_DEG: f64 = 45.0;
+/// Asked of every axis' sensitivity of the nominal vehicle.
+pub const LARGEST_PEAK: f64 = 2.0;
+/// What is derived has so much more, degrees.
+const RESERVE_DEG: f64 = 0.5;
+/// With less, degrees, or a larger peak, gains are warned of, and are no default.
+pub const LOW_PHASE_MARGIN_DEG: f64 = 25.0;
+/// The peak likewise.
+pub const HIGH_PEAK: f64 = 2.5;
+/// What derived gains have, each axis by itself.
+const ASKED: (f64, f64) = (LEAST_PHASE_MARGIN_DEG + RESERVE_DEG, LARGEST_PEAK);
+/// Double poles that no vehicle needs to be faster than, 1/s: position and rotation.
+const FASTEST: (f64, f64) = (10.0, 15.0);
+/// Double poles are tried from here on, 1/s, in such steps.
+const STEP: f64 = 0.1;
+/// Frequencies at which a loop is looked at, rad/s: from, to, how many.
+const SWEEP: (f64, f64, usize) = (0.3, 300.0, 150);
+/// The observer's gain by the double pole of pose control, at most, and the largest, 1/s; of force where tilting stands
+/// between.
+const OBSERVER_BY_POLE: f64 = 1.0 / 0.3;
+const FASTEST_OBSERVER: f64 = 30.0;
+const FASTEST_TILTING_OBSERVER: f64 = 4.0;
+
+/// A section's name, and its keys with their three axes.
+type Gains = (&'static str, Vec<(&'static str, [f64; 3])>);
+
+/// Derived gains: pose control is critically damped.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Derived {
+    /// The double poles of the position loop, 1/s: along x and y, and along z.
+    pub position: [f64; 2],
+    /// The double pole of the rotation loop, 1/s.
+    pub rotation: f64,
+    /// The force observer's gain, 1/s.
+    pub force_observer: f64,
+    /// The torque observer's gain, 1/s.
+    pub torque_observer: f64,
+}
+
+impl Derived {
+    /// As a configuration has them: section, keys, and each key's three axes.
+    #[must_use]
+    pub fn sections(&self) -> [Gains; 2] {
+        let square = |rate: f64| (rate * rate * 100.0).round() / 100.0;
+        let double = |rate: f64| (20.0 * rate).round() / 10.0;
+        let [lateral, vertical] = self.position;
+        let position = [lateral, lateral, vertical];
+        let pose = vec![
+            ("position_gain", position.map(square)),
+            ("velocity_gain", position.map(double)),
+            ("rotation_gain", [square(self.rotation); 3]),
+            ("angular_velocity_gain", [double(self.rotation); 3]),
+        ];
+        let observer =
+            vec![("force_gain", [self.force_observer; 3]), ("torque_gain", [self.torque_observer; 3])];
+        [("pose_control", pose), ("wrench_observer", observer)]
+    }
+
+    /// The same as TOML.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let lines = self.sections().map(|(section, keys)| {
+            let keys = keys.iter().map(|(key, values)| format!("{key} = {values:?}"));
+            format!("{section} = {{ {} }}\n", keys.collect::<Vec<_>>().join(", "))
+        });
+        lines.concat()
+    }
+}
+
+impl LoopModel {
+    /// The fastest gains whose loops have what is asked for; of this model only vehicle, delays and the turn's filter
+    /// count.
+    #[must_use]
+    pub fn derive(&self) -> Derived {
+        let mut model = self.clone();
+        let observer = |pole: f64, most: f64| (OBSERVER_BY_POLE * pole).floor().min(most);
+        let rotation = fastest(FASTEST.1, |pole| {
+            model.params.pose.rotation = Vector3::repeat(pole * pole);
+            model.params.pose.angular_velocity = Vector3::repeat(2.0 * pole);
+            model.params.observer.torque = Vector3::repeat(observer(pole, FASTEST_OBSERVER));
+            (3..6).all(|axis| model.has_margins(axis, ASKED))
+        });
+        model.params.pose.rotation = Vector3::repeat(rotation * rotation);
+        model.params.pose.angular_velocity = Vector3::repeat(2.0 * rotation);
+        let tilting = (0..3).any(|i| model.tilts(i));
+        let most = if tilting { FASTEST_TILTING_OBSERVER } else { FASTEST_OBSERVER };
+        let mut position = |axes: std::ops::Range<usize>| {
+            fastest(FASTEST.0, |pole| {
+                model.params.pose.position = Vector3::repeat(pole * pole);
+                model.params.pose.velocity = Vector3::repeat(2.0 * pole);
+                model.params.observer.force = Vector3::repeat(observer(pole, most));
+                axes.clone().all(|axis| model.has_margins(axis, ASKED))
+            })
+        };
+        let position = [position(0..2), position(2..3)];
+        Derived {
+            position,
+            rotation,
+            force_observer: observer(position[0].min(position[1]), most),
+            torque_observer: observer(rotation, FASTEST_OBSERVER),
+        }
+    }
+
+    /// Whether every axis, by itself, has margins that are not low.
+    pub(crate) fn is_sound(&self) -> bool {
+        (0..6).all(|axis| self.has_margins(axis, (LOW_PHASE_MARGIN_DEG, HIGH_PEAK)))
+    }
+
+    /// Whether an axis has, by itself, this phase margin, degrees, and at most this peak of its sensitivity.
+    fn has_margins(&self, axis: usize, (phase_margin_deg, peak): (f64, f64)) -> bool {
+        let (from, to, count) = SWEEP;
+        let step = (to / from).ln() / count as f64;
+        let gains = (0..count).map(|k| self.axis_gain(axis, from * (step * k as f64).exp()));
+        let margin = phase_margin_deg.to_radians();
+        let mut last = None;
+        gains.into_iter().all(|gain| {
+            let size = gain.modulus();
+            let phase = (-gain).argument();
+            let crossed = last.replace((size, phase)).is_some_and(|(before, phase_before)| {
+                before > 1.0 && size <= 1.0 && {
+                    let part = before.ln() / (before.ln() - size.ln());
+                    phase_before + part * (phase - phase_before) < margin
+                }
+            });
+            !crossed && (gain + 1.0).modulus() * peak >= 1.0
+        })
+    }
+}
+
+/// The fastest pole with which all is well; slower ones are no worse.
+fn fastest(most: f64, mut holds: impl FnMut(f64) -> bool) -> f64 {
+    let steps = (most / STEP).round() as u32;
+    let (mut low, mut high) = (1, steps + 1);
+    while high - low > 1 {
+        let middle = low.midpoint(high);
+        if holds(f64::from(middle) * STEP) { low = middle } else { high = middle }
+    }
+    (f64::from(low) * STEP * 10.0).round() / 10.0
+}
