@@ -80,6 +80,7 @@ PAGES = (
         ("python -m benchmarks.lexicographic --number 10000 --seed 5001",),
     ),
     Page("instructions", "Instructions of a step", ("python -m benchmarks.instructions",)),
+    Page("timing", "The loop's timing, idle and beside other load", ("benchmarks/rt.sh 600",)),
     Page(
         "campaign",
         "The fault campaign",

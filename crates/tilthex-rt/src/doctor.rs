@@ -3,6 +3,7 @@
 use std::{
     fmt, fs,
     path::{Path, PathBuf},
+    sync::atomic::{AtomicBool, Ordering},
     time::Duration,
 };
 
@@ -15,7 +16,7 @@ use tilthex_mocap::{
 };
 
 use crate::{
-    histogram::Histogram,
+    histogram::{Histogram, Quantiles},
     port::{Port, latency_timer},
     realtime::{self, Demand},
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
@@ -25,6 +26,13 @@ use crate::{
 const WAKES: u32 = 1000;
 /// A wake-up later than this is no real-time computer's, ns.
 const LATE: Nanos = 500_000;
+/// Bytes that are sent through a terminal, one a period, and how long one is waited for.
+const BYTES: u32 = 500;
+const LONGEST_WAIT: Nanos = 200_000_000;
+/// Bytes that take longer than this, 99.9 % and all of them, ns: a tick late, and as late as an IMU that is silent.
+const SLOW_LINE: (Nanos, Nanos) = (2_000_000, 50_000_000);
+/// Between two looks for a byte, ns.
+const LOOK: Nanos = 50_000;
 /// How long capture is listened to.
 const LISTEN: Duration = Duration::from_secs(1);
 
@@ -71,6 +79,7 @@ pub fn examine(config: &Config, port: Option<&str>, demand: Demand) -> Vec<Check
     let mut checks = vec![kernel(Path::new("/")), governor(Path::new("/sys"))];
     checks.extend(rights_and_wakes(demand));
     checks.push(clock(Path::new("/sys")));
+    checks.push(line_delay(demand));
     checks.extend(port.map(|name| line(name, config.link().baud)).unwrap_or_default());
     if !config.mocap().uri.is_empty() {
         checks.push(capture(config));
@@ -158,6 +167,60 @@ fn clock(sys: &Path) -> Check {
     }
 }
 
+/// How long bytes take through a terminal of the kernel while other threads keep every processor busy: a work queue of
+/// ordinary priority moves them.
+fn line_delay(demand: Demand) -> Check {
+    let busy = AtomicBool::new(true);
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let delays = std::thread::scope(|scope| {
+        for _ in 0..2 * processors {
+            scope.spawn(|| {
+                while busy.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
+        }
+        let delays = scope.spawn(move || delays(demand)).join();
+        busy.store(false, Ordering::Relaxed);
+        delays
+    });
+    let Ok(Ok(delays)) = delays else {
+        return check("line delay", Verdict::Fair, "no pseudo-terminal can be had to measure it");
+    };
+    let text = format!("a byte through the kernel's work queue, beside busy processors: {delays}");
+    let (usual, longest) = SLOW_LINE;
+    let verdict = match () {
+        () if delays.max > longest => Verdict::Bad,
+        () if delays.p999 > usual => Verdict::Fair,
+        () => return check("line delay", Verdict::Good, text),
+    };
+    let mends = "run less beside it, keep the queue off the loop's processor (a mask in \
+                 /sys/devices/virtual/workqueue/cpumask), or install a PREEMPT_RT kernel";
+    check("line delay", verdict, format!("{text}: {mends}"))
+}
+
+/// From one end of a pseudo-terminal to the other.
+fn delays(demand: Demand) -> Result<Quantiles, crate::Failure> {
+    // What is refused has been said.
+    let _rights = realtime::acquire(demand);
+    let (mut far, path) =
+        Port::pseudo_terminal().map_err(|e| crate::Failure::link(format!("no pseudo-terminal: {e}")))?;
+    let near = Port::open(&path.to_string_lossy(), 0)?;
+    let period = Duration::from_millis(2);
+    let mut sleeper = Sleeper::new(period, Monotonic.now() + period.as_nanos() as Nanos);
+    let mut delays = Histogram::default();
+    for _ in 0..BYTES {
+        sleeper.wait(&Monotonic);
+        let sent = Monotonic.now();
+        far.write(&[0]);
+        while near.read(&mut [0; 16]) == Some(0) && Monotonic.now() - sent < LONGEST_WAIT {
+            Monotonic.sleep_until(Monotonic.now() + LOOK);
+        }
+        delays.record(Monotonic.now() - sent);
+    }
+    Ok(delays.quantiles())
+}
+
 fn line(name: &str, baud: u32) -> Vec<Check> {
     match Port::open(name, baud) {
         Err(failure) => vec![check("port", Verdict::Bad, failure.message)],
@@ -206,10 +269,10 @@ mod tests {
         let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
         let checks = examine(&config, Some("/dev/no-such-port"), Demand::Off);
         let names: Vec<_> = checks.iter().map(|c| c.name).collect();
-        assert_eq!(names, ["kernel", "governor", "rights", "wake-up", "clock", "port"]);
+        assert_eq!(names, ["kernel", "governor", "rights", "wake-up", "clock", "line delay", "port"]);
         assert!(checks.iter().all(|c| !c.text.is_empty()));
-        assert_eq!(checks[5].verdict, Verdict::Bad);
-        assert!(checks[5].text.contains("does not exist"));
+        assert_eq!(checks[6].verdict, Verdict::Bad);
+        assert!(checks[6].text.contains("does not exist"));
     }
 
     #[test]

@@ -97,6 +97,10 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "prefer", global = true)]
     pub realtime: Demand,
 
+    /// Beside the loop, run a thread that only sleeps, and say what the machine took from it; always with --sim
+    #[arg(long)]
+    pub reference: bool,
+
     /// Print the complete configuration and end
     #[arg(long)]
     pub print_config: bool,

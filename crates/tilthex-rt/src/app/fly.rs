@@ -111,7 +111,8 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         },
     };
     let running = start(control_loop, args.realtime)?;
-    let reference = simulated.as_ref().and_then(|_| Reference::start(period, args.realtime).ok());
+    let reference =
+        (args.sim || args.reference).then(|| Reference::start(period, args.realtime).ok()).flatten();
     let keys = Keys::watch(flags.clone());
     if keys.is_some() {
         say!("Ctrl-C lands; the key K, the capital letter, stops the motors at once");
