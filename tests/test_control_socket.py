@@ -12,6 +12,8 @@ import pytest
 import tilthex
 from test_programs import control_port, run, sentence, started, wait_for
 
+pytestmark = pytest.mark.real_time
+
 HOLD = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 
 

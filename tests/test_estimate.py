@@ -12,6 +12,8 @@ from tilthex.estimate import calibrate, pose_errors
 from tilthex.recording import Recording
 from ukf_reference import recording as simulated
 
+pytestmark = pytest.mark.real_time
+
 
 @pytest.fixture
 def config():

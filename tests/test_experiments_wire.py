@@ -24,6 +24,8 @@ from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.record import Record, rms
 from tilthex.experiments.world_process import MAX_ROTORS, STATE, Stepper
 
+pytestmark = pytest.mark.real_time
+
 # The slope of `sliding` in a third of its time.
 BRIEF = {
     "trajectory": {

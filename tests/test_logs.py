@@ -21,6 +21,8 @@ from tilthex import __main__ as command
 from tilthex import _mcap, log
 from tilthex.recording import Recording
 
+pytestmark = pytest.mark.real_time
+
 COMMANDS = (["plot"], ["fit"], ["estimate"])
 
 

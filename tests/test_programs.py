@@ -16,6 +16,8 @@ import pytest
 import tilthex
 from tilthex._logged import State
 
+pytestmark = pytest.mark.real_time
+
 ROOT = Path(__file__).parent.parent
 # What starts the motors of a vehicle at a port, whose battery the configuration does not know.
 FLY = ["--take-off", "--no-battery-limits"]

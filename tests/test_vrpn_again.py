@@ -10,6 +10,8 @@ import pytest
 from test_programs import FLY, control_port, started, vehicle, wait_for
 from tilthex import connect
 
+pytestmark = pytest.mark.real_time
+
 
 class Line:
     """A TCP line that can be broken: all its connections end, and new ones are taken."""
