@@ -66,7 +66,6 @@ import json, os, sys, time
 from new_natnet_client.Client import NatNetClient
 from new_natnet_client.NatNetTypes import NAT_Messages
 
-pytestmark = pytest.mark.real_time
 client = NatNetClient(use_multicast=False, command_port=int(sys.argv[1]))
 client.send_request(NAT_Messages.CONNECT, "")  # its own comes before it allows itself to send
 while (frame := client.MoCap) is None:

@@ -8,7 +8,7 @@ use crate::{
     GRAVITY, so3,
     supervisor::{
         Fault, FaultSet, LIFT_OFF_FAULTS, Phase,
-        limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME},
+        limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME, POSE_LOST},
     },
     types::{PoseSample, Vector3},
     ukf::Navigation,
@@ -106,7 +106,8 @@ impl Flight {
             return None;
         }
         let turned = so3::log(&(output.robot_reference.rotation_wr.transpose() * robot.rotation_wr));
-        let aside = output.pose.position_error_w.xy().norm() > LIFT_OFF_ASIDE;
+        let placed = self.known.is_some() || self.estimator.health().position_age < POSE_LOST;
+        let aside = placed && output.pose.position_error_w.xy().norm() > LIFT_OFF_ASIDE;
         let tilted = turned.norm() > LIFT_OFF_TILT.to_radians();
         let fault = if let Some(contradiction) = contradiction {
             Some(self.cause_of(contradiction))
