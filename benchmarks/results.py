@@ -84,7 +84,7 @@ PAGES = (
     Page(
         "campaign",
         "The fault campaign",
-        ("target/release/tilthex-rt campaign --number 10000 --seed 900001",),
+        ("target/release/tilthex-rt campaign --number 3000 --seed 900001",),
     ),
 )
 
