@@ -73,7 +73,7 @@ def longest_silence(path: Path) -> float:
 
 
 FALSE_ALARM = pytest.mark.xfail(
-    reason="known failure: beside other load, *pose contradicts the IMU* or *line late* may land it",
+    reason="known failure: where the simulated world falls behind the clock, *line late* lands it",
     strict=False,
 )
 
