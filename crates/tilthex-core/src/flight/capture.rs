@@ -17,20 +17,20 @@ use crate::{
 
 /// A gyro's bias has left what it was at rest by more than this, rad/s: then it is the IMU that is in doubt.
 const GYRO_LEFT: f64 = 0.03;
-/// What an accelerometer that is off must explain of a contradiction, as a part of it.
+/// An accelerometer that is wrong explains at least this part of a contradiction.
 const PART: f64 = 0.4;
-/// And what it shows across it at the most, as a part of that along it.
+/// The force that it shows to the side is at most this part of the force along the contradiction.
 const ACROSS: f64 = 0.6;
 
 /// So much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
 /// How far the IMU alone may drift, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
-/// After a blow, of which the samples show only a part, poses need this long to bring the state right, s.
+/// Time that poses need to correct the state after a blow, s: the samples show only a part of a blow.
 const SETTLES: f64 = 0.3;
-/// Where samples are farther apart, some are missing, s.
+/// If the time between two samples is longer than this, s, samples are missing.
 const GAP: f64 = 0.01;
-/// So many deviations of the estimate, and of what the samples miss, are no contradiction.
+/// A difference of up to this many standard deviations of the estimate, and of what samples miss, is no contradiction.
 const DEVIATIONS: f64 = 3.0;
 
 /// A motion as the IMU alone has it.
@@ -70,9 +70,9 @@ pub(super) struct CaptureWatch {
     /// State and biases of the vehicle at rest.
     rest: Option<Navigation>,
     window: Option<Window>,
-    /// What the gyro showed and no rotor made.
+    /// Turns that the gyro showed and the rotors did not make.
     doubt: GyroDoubt,
-    /// For how long after a blow nothing can be told, s.
+    /// Time for which nothing is compared after a blow, s.
     settles: f64,
     lies: bool,
 }
@@ -141,7 +141,7 @@ impl CaptureWatch {
         }
     }
 
-    /// A blow, or no true readings of the IMU: the state may be wrong until poses have corrected it.
+    /// A blow, or no valid readings of the IMU: the state can be wrong until poses have corrected it.
     pub(super) fn struck(&mut self) {
         (self.window, self.settles) = (None, SETTLES);
     }
@@ -189,22 +189,34 @@ impl CaptureWatch {
         if !contradicts || self.lies {
             return None;
         }
-        // The third witness are the rotors: an IMU that is off feels a wrench that is none.
-        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(0.1);
-        let force_w = estimator.robot_state().rotation_wr * external_r.force;
-        let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
-        let turns = self.doubt.explains(&apart_i);
-        // What began within the window is larger than its mean over it.
-        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
-        let across = (force_w.norm_squared() - along * along).max(0.0);
-        let pushes = along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along;
-        let imu_is_off = pushes || (state.gyro_bias_i - rest.gyro_bias_i).norm() > GYRO_LEFT || turns;
+        let imu_is_off = self.imu_is_off(&window, &state, external_r, vehicle);
         self.window = None;
         if imu_is_off {
             return None;
         }
         self.lies = true;
         Some(Contradiction { reckoned: window.reckoned, estimate: state, from_w: window.from_w })
+    }
+
+    /// Whether the IMU, and not the poses, explains a contradiction. The rotors are the third witness: an IMU that is
+    /// wrong shows a wrench that does not exist.
+    fn imu_is_off(
+        &self,
+        window: &Window,
+        state: &Navigation,
+        external_r: &Wrench,
+        vehicle: &Vehicle,
+    ) -> bool {
+        let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
+        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(0.1);
+        let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
+        // A force that begins within the window is larger than its mean over the window.
+        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
+        let across = (force_w.norm_squared() - along * along).max(0.0);
+        let pushes = along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along;
+        let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
+        let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
+        pushes || learnt > GYRO_LEFT || self.doubt.explains(&apart_i)
     }
 
     /// The vehicle takes off from rest: its first motion is reckoned in one piece.

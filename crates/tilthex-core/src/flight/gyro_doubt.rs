@@ -1,23 +1,24 @@
-//! A turn that the gyro shows and no rotor made: a blow, or a gyro whose bias has changed.
+//! A turn that the gyro shows and the rotors did not make: a blow, or a change of the gyro's bias.
 //!
-//! A blow turns the vehicle, and poses show it too. Where they do not, it is the gyro that is off. It cannot be poses that
-//! repeat themselves: the rotors make the turns that those hide.
+//! A blow turns the vehicle, and the poses show that turn. If they do not show it, the gyro is wrong. Poses that repeat
+//! themselves are another case: they hide turns that the rotors make.
 
 use crate::{types::Vector3, vehicle::Vehicle};
 
-/// An unexplained rate fades within this, s, and a torque that lasts longer is an offset of the model.
+/// Time constant of the unexplained rate, s. A torque that lasts longer is an error of the model.
 const FADES: f64 = 0.7;
-/// Its largest value fades within this, s, where it may have been a bias.
+/// Time constant of its largest value, s, if that can be a change of the bias.
 const REMEMBERED: f64 = 4.0;
-/// Changes of a gyro's bias are of this size, rad/s: noise makes less, a hand or a wall more.
+/// Least and largest change of a gyro's bias, rad/s. Noise makes less; a hand or a wall makes more.
 const BIAS: (f64, f64) = (0.03, 0.35);
-/// A bias is found within this, s.
+/// The angle between gyro and poses is at most this time, s, multiplied by the change of the bias.
 const LONGEST: f64 = 10.0;
-/// Rotations that are less apart than this, rad, tell nothing.
+/// A smaller angle between gyro and poses than this, rad, is not used.
 const LEAST: f64 = 0.01;
-/// Nor does a component that is less than this part of the whole.
+/// A component that is less than this part of the angle is not used.
 const MINOR: f64 = 0.4;
-/// The rate beyond that which the rotors make, rad/s, IMU axes: now, and the largest of the last seconds about each axis.
+
+/// The angular rate that the rotors do not explain, rad/s, IMU axes: now, and its largest recent value about each axis.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct GyroDoubt {
     offset_r: Vector3,

@@ -36,9 +36,9 @@ pub(super) const ATTEMPTS: u32 = 4;
 /// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
 /// faster than so much, m/s, and rises again where it sinks faster than so much.
 const FORCED: f64 = 0.1;
-/// It rises so much faster, and falls so much faster at the height of the ground that the vehicle took off from.
-const FASTER: f64 = 5.0;
 const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
+/// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
+const FASTER: f64 = 5.0;
 /// A vehicle that is unloaded by force lies on something after so long, s.
 const FORCED_REST: f64 = 2.0;
 
@@ -173,17 +173,17 @@ impl Landing {
         if seen.above.is_some_and(|above| above > LIES) {
             return false;
         }
-        // Without a pose, up may be anywhere; with one, what pushes aside is no ground.
-        let lost = seen.toppled && seen.above.is_none();
-        let carried = |force: Vector3| if lost { force.norm() } else { force.z };
-        let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
+        let slow = seen.velocity.abs() < STILL.0;
+        // Without a pose, up is not known; with one, a force to the side is not the ground.
         let known = seen.toppled && seen.above.is_some();
-        let feels = feels && (!known || seen.velocity.abs() < STILL.0);
+        let carried = |force: Vector3| if seen.toppled && !known { force.norm() } else { force.z };
+        let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight) && (!known || slow);
         let (felt, still) = &mut self.lying;
         *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
-        let stands = seen.missing > SHARE * weight && seen.velocity.abs() < STILL.0;
+        let stands = seen.missing > SHARE * weight && slow;
         *still = if stands { *still + dt } else { 0.0 };
-        *felt > if known { LIES_STILL } else { FELT.1 } || *still > if known { LIES_STILL } else { STILL.1 }
+        let (felt_for, still_for) = if known { (LIES_STILL, LIES_STILL) } else { (FELT.1, STILL.1) };
+        *felt > felt_for || *still > still_for
     }
 
     /// Thrust goes to what brings it down.

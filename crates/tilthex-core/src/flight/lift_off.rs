@@ -91,7 +91,7 @@ impl Flight {
         if self.guidance.ready() || matches!(phase, Phase::Landing | Phase::Emergency) {
             watch.witness = None;
         }
-        let (late, mirrored) = watch.witness.as_ref().map_or((false, false), |w| (w.late(), w.mirrored()));
+        let (late, mirrored) = watch.witness.as_ref().map_or((false, false), Witness::tells);
         if late && watch.since.is_none() {
             watch.fault = Some(Fault::CaptureLate);
         }

@@ -138,20 +138,15 @@ impl Witness {
         self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
-    /// Whether poses are later than their times say.
-    pub(super) fn late(&self) -> bool {
-        self.best().is_some_and(|(k, size, at_once, _)| {
-            size > TELLS && k as f64 * STEP >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER
-        })
-    }
-
-    /// Whether poses show a mirror image.
-    pub(super) fn mirrored(&self) -> bool {
-        self.best().is_some_and(|(_, size, _, p)| {
-            let determinant = p.m11 * p.m22 - p.m12 * p.m21;
-            let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
-            size > TELLS && 2.0 * determinant < MIRRORS * square
-        })
+    /// Whether poses are later than their times say, and whether they show a mirror image.
+    pub(super) fn tells(&self) -> (bool, bool) {
+        let Some((steps, size, at_once, p)) = self.best().filter(|best| best.1 > TELLS) else {
+            return (false, false);
+        };
+        let late = steps as f64 * STEP >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER;
+        let determinant = p.m11 * p.m22 - p.m12 * p.m21;
+        let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
+        (late, 2.0 * determinant < MIRRORS * square)
     }
 
     /// How far the captured body has come, m, world.
@@ -196,16 +191,16 @@ mod tests {
         for seed in 0..5 {
             for yaw in [0.0, 0.5, 1.6, 3.1, -1.0] {
                 let good = watch(0.0, so3::rot_z(yaw), seed);
-                assert!(!good.late() && !good.mirrored(), "{yaw}");
+                assert_eq!(good.tells(), (false, false), "{yaw}");
                 for late in [0.12, 0.18, 0.25] {
                     let witness = watch(late, so3::rot_z(yaw), seed);
-                    assert!(witness.late() && !witness.mirrored(), "{late}");
+                    assert_eq!(witness.tells(), (true, false), "{late}");
                 }
                 for axis in [0, 1] {
                     let mut mirror = so3::rot_z(yaw);
                     mirror.column_mut(axis).neg_mut();
-                    assert!(watch(0.0, mirror, seed).mirrored() && !watch(0.0, mirror, seed).late());
-                    assert!(watch(0.1, mirror, seed).mirrored());
+                    assert_eq!(watch(0.0, mirror, seed).tells(), (false, true));
+                    assert!(watch(0.1, mirror, seed).tells().1);
                 }
             }
         }
