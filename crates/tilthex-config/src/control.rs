@@ -211,57 +211,56 @@ pub(super) fn defaults(vehicle: &Vehicle, given: &Table) -> Result<Table, Config
 }
 
 fn default_params() -> Result<ControllerParams, ConfigError> {
-    params(
-        &PoseControlSection::default(),
-        &WrenchObserverSection::default(),
-        &AdmittanceSection::default(),
-        &AllocationSection::default(),
-        &AttitudeSection::default(),
-    )
-}
-
-fn params(
-    pose: &PoseControlSection,
-    observer: &WrenchObserverSection,
-    admittance: &AdmittanceSection,
-    allocation: &AllocationSection,
-    attitude: &AttitudeSection,
-) -> Result<ControllerParams, ConfigError> {
-    Ok(ControllerParams {
-        pose: pose.gains(),
-        observer: observer.gains(),
-        admittance: admittance.params(),
-        force_dead_zone: admittance.force_dead_zone,
-        torque_dead_zone: admittance.torque_dead_zone,
-        low_pass_hz: admittance.low_pass_hz,
-        room_torque: admittance.room_torque,
-        free_wrench: admittance.free_wrench(),
-        allocation: allocation.params()?,
-        attitude: attitude.params()?,
-    })
-}
-
-/// The controller's parameters, checked block by block so that an error names its section.
-pub(super) fn controller_params(
-    vehicle: &Vehicle,
-    pose: &PoseControlSection,
-    observer: &WrenchObserverSection,
-    admittance: &AdmittanceSection,
-    allocation: &AllocationSection,
-    attitude: &AttitudeSection,
-) -> Result<ControllerParams, ConfigError> {
-    fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
-        ConfigError::from(error).within(format_args!("[{}]", S::NAME))
+    ControllerSections {
+        pose: &PoseControlSection::default(),
+        observer: &WrenchObserverSection::default(),
+        admittance: &AdmittanceSection::default(),
+        allocation: &AllocationSection::default(),
+        attitude: &AttitudeSection::default(),
     }
-    let params = params(pose, observer, admittance, allocation, attitude)?;
-    PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
-    WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
-    AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
-    AttitudeSelector::new(vehicle, params.attitude).map_err(within::<AttitudeSection>)?;
-    Allocator::with_params(vehicle, params.allocation).map_err(within::<AllocationSection>)?;
-    // What is left to refuse is the filter, the dead zones and the torque towards more room.
-    Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
-    Ok(params)
+    .params()
+}
+
+/// The sections that make the controller.
+pub(super) struct ControllerSections<'a> {
+    pub(super) pose: &'a PoseControlSection,
+    pub(super) observer: &'a WrenchObserverSection,
+    pub(super) admittance: &'a AdmittanceSection,
+    pub(super) allocation: &'a AllocationSection,
+    pub(super) attitude: &'a AttitudeSection,
+}
+
+impl ControllerSections<'_> {
+    fn params(&self) -> Result<ControllerParams, ConfigError> {
+        Ok(ControllerParams {
+            pose: self.pose.gains(),
+            observer: self.observer.gains(),
+            admittance: self.admittance.params(),
+            force_dead_zone: self.admittance.force_dead_zone,
+            torque_dead_zone: self.admittance.torque_dead_zone,
+            low_pass_hz: self.admittance.low_pass_hz,
+            room_torque: self.admittance.room_torque,
+            free_wrench: self.admittance.free_wrench(),
+            allocation: self.allocation.params()?,
+            attitude: self.attitude.params()?,
+        })
+    }
+
+    /// The controller's parameters, checked block by block so that an error names its section.
+    pub(super) fn checked(&self, vehicle: &Vehicle) -> Result<ControllerParams, ConfigError> {
+        fn within<S: Section>(error: tilthex_core::Error) -> ConfigError {
+            ConfigError::from(error).within(format_args!("[{}]", S::NAME))
+        }
+        let params = self.params()?;
+        PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
+        WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
+        AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
+        AttitudeSelector::new(vehicle, params.attitude).map_err(within::<AttitudeSection>)?;
+        Allocator::with_params(vehicle, params.allocation).map_err(within::<AllocationSection>)?;
+        // What is left to refuse is the filter, the dead zones and the torque towards more room.
+        Controller::new(*vehicle, params).map_err(within::<AdmittanceSection>)?;
+        Ok(params)
+    }
 }
 
 /// What a rotational spring without a potential means.

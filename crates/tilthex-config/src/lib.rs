@@ -155,14 +155,14 @@ impl Config {
         let admittance = section::take(&mut table)?;
         let allocation = section::take(&mut table)?;
         let attitude = section::take(&mut table)?;
-        let controller = control::controller_params(
-            vehicle.vehicle(),
-            &pose_control,
-            &wrench_observer,
-            &admittance,
-            &allocation,
-            &attitude,
-        )?;
+        let controller = control::ControllerSections {
+            pose: &pose_control,
+            observer: &wrench_observer,
+            admittance: &admittance,
+            allocation: &allocation,
+            attitude: &attitude,
+        }
+        .checked(vehicle.vehicle())?;
         let config = Self {
             vehicle,
             pose_control,

@@ -1,20 +1,20 @@
-//! A wrench that the tool is asked to exert where nothing resists it: how fast, and how far, it may carry the tool.
+//! A wrench that the tool is asked to exert while it touches nothing: how fast and how far that wrench may move the tool.
 //!
-//! The filter would move at force by damping, up to its excursion limit. So as much of the asked wrench is left out
-//! as would drive the reference faster than it may go. In contact nothing is left out: there the wrench of what is
-//! touched takes the drive away.
+//! Without this limit the filter moves at the speed force / damping, up to its excursion limit. Here the asked wrench is
+//! reduced until the reference keeps to the allowed speed. In contact it is not reduced: what the tool touches
+//! balances the asked wrench, and the reference does not move.
 
 use crate::{
     Error,
     admittance::{AdmittanceParams, AdmittanceState},
     error::check_range,
     so3,
-    types::{Vector3, Vector6, Wrench},
+    types::{Matrix3, Matrix6, Vector3, Wrench},
 };
 
-/// Something resists where this part of the asked wrench is felt against it.
+/// The tool is in contact if at least this part of the asked wrench is felt against it.
 const RESISTS: f64 = 0.3;
-/// The largest speed is reached within about so long, s, and the end of the way is approached within so long, s.
+/// Time constants of the approach to the largest speed and to the end of the way, s.
 const REACHED: f64 = 0.1;
 const APPROACH: f64 = 0.5;
 
@@ -50,7 +50,7 @@ impl FreeWrenchParams {
         Ok(self)
     }
 
-    /// What of an asked wrench drives the filter, world, beside the wrench that is felt; `dt` in s.
+    /// The part of an asked wrench that drives the filter, world, in addition to the wrench that is felt; `dt` in s.
     pub fn step(
         &self,
         state: &mut FreeWrenchState,
@@ -60,44 +60,65 @@ impl FreeWrenchParams {
         asked_w: &Wrench,
         dt: f64,
     ) -> Wrench {
-        let turned = so3::vee(&moved.rotation);
-        let mut strain = Vector6::zeros();
-        strain.fixed_rows_mut::<3>(0).copy_from(&moved.translation_w);
-        strain.fixed_rows_mut::<3>(3).copy_from(&turned);
-        let beside = felt_w.to_vector() - filter.stiffness * strain;
-        let left = |asked: &Vector3, felt: &Vector3, at: usize, most: (f64, f64), way: &mut f64| {
-            let size = asked.norm();
-            if size <= 0.0 {
-                *way = 0.0;
-                return *asked;
-            }
-            let along = asked / size;
-            let mut axis = Vector6::zeros();
-            let half = |v: &Vector6| {
-                if at == 0 { v.fixed_rows::<3>(0).into_owned() } else { v.fixed_rows::<3>(3).into_owned() }
-            };
-            if at == 0 {
-                axis.fixed_rows_mut::<3>(0).copy_from(&along);
-            } else {
-                axis.fixed_rows_mut::<3>(3).copy_from(&along);
-            }
-            let speed = half(&moved.twist_w).dot(&along);
-            if felt.dot(&along) < -RESISTS * size {
-                *way = 0.0;
-            } else {
-                *way += speed.max(0.0) * dt;
-            }
-            let allowed = most.0.min((most.1 - *way).max(0.0) / APPROACH);
-            let drive = size + half(&beside).dot(&along);
-            let (mass, damping) = (axis.dot(&(filter.mass * axis)), axis.dot(&(filter.damping * axis)));
-            let enough = damping * allowed + mass * (allowed - speed) / REACHED;
-            let too_much = (drive - enough).max(0.0).min(size);
-            along * (size - too_much)
-        };
-        Wrench {
-            force: left(&asked_w.force, &felt_w.force, 0, (self.speed, self.way), &mut state.way),
-            torque: left(&asked_w.torque, &felt_w.torque, 3, (self.spin, self.turn), &mut state.turn),
+        if *asked_w == Wrench::ZERO {
+            *state = FreeWrenchState::default();
+            return Wrench::ZERO;
         }
+        let (translation_w, rotation) = (&moved.translation_w, so3::vee(&moved.rotation));
+        let block = |m: &Matrix6, rows: usize, columns: usize| -> Matrix3 {
+            Matrix3::from_fn(|i, k| m.get((rows + i, columns + k)).copied().unwrap_or_default())
+        };
+        let spring = |rows: usize| {
+            block(&filter.stiffness, rows, 0) * translation_w + block(&filter.stiffness, rows, 3) * rotation
+        };
+        let half = |rows: usize, felt_w: Vector3, most: (f64, f64)| Half {
+            felt_w,
+            spring_w: spring(rows),
+            mass: block(&filter.mass, rows, rows),
+            damping: block(&filter.damping, rows, rows),
+            most,
+        };
+        let (force, torque) =
+            (half(0, felt_w.force, (self.speed, self.way)), half(3, felt_w.torque, (self.spin, self.turn)));
+        let (velocity_w, spin_w) = (moved.twist_w.fixed_rows::<3>(0), moved.twist_w.fixed_rows::<3>(3));
+        Wrench {
+            force: force.drive(&asked_w.force, &velocity_w.into(), &mut state.way, dt),
+            torque: torque.drive(&asked_w.torque, &spin_w.into(), &mut state.turn, dt),
+        }
+    }
+}
+
+/// The filter in translation, or in rotation, under an asked force or torque.
+struct Half {
+    /// Force or torque that is felt, and that of the spring, N or N m, world.
+    felt_w: Vector3,
+    spring_w: Vector3,
+    mass: Matrix3,
+    damping: Matrix3,
+    /// Largest speed and way, m/s and m, or rad/s and rad.
+    most: (f64, f64),
+}
+
+impl Half {
+    /// The part of an asked force or torque that drives it; `way` is how far that has moved it without resistance.
+    fn drive(&self, asked_w: &Vector3, velocity_w: &Vector3, way: &mut f64, dt: f64) -> Vector3 {
+        let size = asked_w.norm();
+        if size <= 0.0 {
+            *way = 0.0;
+            return *asked_w;
+        }
+        let along = asked_w / size;
+        let speed = velocity_w.dot(&along);
+        if self.felt_w.dot(&along) < -RESISTS * size {
+            *way = 0.0;
+        } else {
+            *way += speed.max(0.0) * dt;
+        }
+        let allowed = self.most.0.min((self.most.1 - *way).max(0.0) / APPROACH);
+        let (mass, damping) = (along.dot(&(self.mass * along)), along.dot(&(self.damping * along)));
+        let enough = damping * allowed + mass * (allowed - speed) / REACHED;
+        let wanted = size + (self.felt_w - self.spring_w).dot(&along);
+        along * (size - (wanted - enough).max(0.0).min(size))
     }
 }
 
@@ -113,10 +134,7 @@ pub struct FreeWrenchState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{
-        admittance::AdmittanceFilter,
-        types::{Matrix3, Matrix6, Setpoint},
-    };
+    use crate::{admittance::AdmittanceFilter, types::Setpoint};
     use proptest::prelude::*;
 
     const DT: f64 = 0.002;
