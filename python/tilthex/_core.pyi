@@ -288,6 +288,8 @@ class Loop:
 @final
 class LoopModel:
     axes: Final[list[str]]
+    least_phase_margin_deg: Final[float]
+    largest_peak: Final[float]
     def __new__(
         cls,
         config: Config,

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from tilthex import Config, LoopModel, Vehicle, polytope
 
 Array = NDArray[np.float64]
-LEAST_PHASE_MARGIN = 45.0
+LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
 """Of every axis of the nominal vehicle, degrees."""
-LARGEST_PEAK = 2.0
+LARGEST_PEAK = LoopModel.largest_peak
 """Of every axis' sensitivity, nominal."""
 LEAST_DRAWN_PHASE_MARGIN = 30.0
 """Of every axis of every drawn vehicle, degrees."""

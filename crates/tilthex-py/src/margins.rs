@@ -5,7 +5,9 @@ use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use tilthex_config::margins::{AXES, Contact, Hold, LoopModel as Model};
+use tilthex_config::margins::{
+    AXES, Contact, Hold, LARGEST_PEAK, LEAST_PHASE_MARGIN_DEG, LoopModel as Model,
+};
 
 /// What holds the tip of a tool that is held against turning: N/m, N s/m.
 const TIP: (f64, f64) = (5e3, 5.0);
@@ -58,6 +60,18 @@ impl LoopModel {
         AXES.to_vec()
     }
 
+    /// The phase margin that `derive` gives every axis at least, degrees.
+    #[classattr]
+    fn least_phase_margin_deg() -> f64 {
+        LEAST_PHASE_MARGIN_DEG
+    }
+
+    /// The sensitivity peak that `derive` gives every axis at most.
+    #[classattr]
+    fn largest_peak() -> f64 {
+        LARGEST_PEAK
+    }
+
     /// Margins in a contact-free hover, (6,) each: `phase_margin_deg`, `gain_margin`, `delay_margin` s,
     /// `sensitivity_peak`, `crossover` rad/s; and whether the loop is `stable`.
     fn hover<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -104,7 +118,8 @@ impl LoopModel {
 
     /// Where contact is stable: pairs (from, to) of stiffnesses, rising, 1e6 for any. `along` (3,): the normal of a surface
     /// without friction at the tip, world; N/m. Or `about` (3,): the axis about which something holds the tool against
-    /// turning while a spring, N/m, and a damper, N s/m, `tip` (5e3 and 5), hold its tip; N m/rad. `damping_time`, s: the environment's damping by its stiffness.
+    /// turning while a spring, N/m, and a damper, N s/m, `tip` (5e3 and 5), hold its tip; N m/rad. `damping_time`, s: the
+    /// environment's damping by its stiffness.
     #[pyo3(signature = (*, along=None, about=None, tip=None, damping_time=0.0))]
     fn contact(
         &self,

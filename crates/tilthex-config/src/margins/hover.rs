@@ -53,11 +53,7 @@ impl HoverMargins {
 /// One sentence where the margins of a vehicle that is its model are low.
 pub(crate) fn warning(model: &LoopModel) -> Option<String> {
     // Its axes do not act on each other.
-    let frequencies: Vec<f64> = model.frequencies().collect();
-    let found: [AxisMargins; 6] = std::array::from_fn(|axis| {
-        let gains: Vec<_> = frequencies.iter().map(|w| model.axis_gain(axis, *w)).collect();
-        margins(&frequencies, &gains)
-    });
+    let found: [AxisMargins; 6] = std::array::from_fn(|axis| model.axis_margins(axis, model.frequencies()));
     let low = |a: &AxisMargins| a.phase_margin_deg < LOW_PHASE_MARGIN_DEG || a.sensitivity_peak > HIGH_PEAK;
     let axes: Vec<usize> = (0..6).filter(|i| low(&found[*i])).collect();
     let (last, others) = axes.split_last()?;
@@ -109,6 +105,13 @@ impl LoopModel {
         }
         let value = |frequency: f64| self.characteristic(&self.at(frequency, [true; 2]), false);
         Loops { frequencies, gains, stable: unstable(&characteristic, value) == 0 }
+    }
+
+    /// Margins of one axis by itself, of a vehicle that is its model, over rising frequencies, rad/s.
+    pub(super) fn axis_margins(&self, axis: usize, frequencies: impl Iterator<Item = f64>) -> AxisMargins {
+        let (frequencies, gains): (Vec<_>, Vec<_>) =
+            frequencies.map(|w| (w, self.axis_gain(axis, w))).unzip();
+        margins(&frequencies, &gains)
     }
 
     /// Margins in a contact-free hover, of [`Self::loops`].

@@ -90,6 +90,12 @@ fn discrete_lag(rate: f64, last: Number) -> Number {
     Number::new(share, 0.0) / (Number::new(1.0, 0.0) - last * (1.0 - share))
 }
 
+/// So many frequencies in equal ratios, from the first up to the last, which is left out.
+pub(crate) fn rising(from: f64, to: f64, count: usize) -> impl Iterator<Item = f64> + use<> {
+    let step = (to / from).ln() / count as f64;
+    (0..count).map(move |k| from * (step * k as f64).exp())
+}
+
 pub(crate) fn real(m: &Matrix6) -> Matrix {
     m.map(|x| Number::new(x, 0.0))
 }
@@ -164,9 +170,7 @@ impl LoopModel {
 
     /// The frequencies, rad/s, at which everything is computed.
     pub(crate) fn frequencies(&self) -> impl Iterator<Item = f64> + use<> {
-        let highest = PI / self.delays.period;
-        let step = (highest / LOWEST).ln() / FREQUENCIES as f64;
-        (0..FREQUENCIES).map(move |k| LOWEST * (step * k as f64).exp())
+        rising(LOWEST, PI / self.delays.period, FREQUENCIES)
     }
 
     /// The laws and the vehicle at a frequency, rad/s. Of the observed tool wrench, `drives` says of force and of torque

@@ -1,7 +1,6 @@
 //! Gains from the vehicle: as fast as the rotors' lag and the delays let them be.
 
-use super::model::LoopModel;
-use nalgebra::ComplexField;
+use super::model::{LoopModel, rising};
 use tilthex_core::Vector3;
 
 /// Asked of every axis of the nominal vehicle, degrees.
@@ -116,21 +115,8 @@ impl LoopModel {
     /// Whether an axis has, by itself, this phase margin, degrees, and at most this peak of its sensitivity.
     fn has_margins(&self, axis: usize, (phase_margin_deg, peak): (f64, f64)) -> bool {
         let (from, to, count) = SWEEP;
-        let step = (to / from).ln() / count as f64;
-        let gains = (0..count).map(|k| self.axis_gain(axis, from * (step * k as f64).exp()));
-        let margin = phase_margin_deg.to_radians();
-        let mut last = None;
-        gains.into_iter().all(|gain| {
-            let size = gain.modulus();
-            let phase = (-gain).argument();
-            let crossed = last.replace((size, phase)).is_some_and(|(before, phase_before)| {
-                before > 1.0 && size <= 1.0 && {
-                    let part = before.ln() / (before.ln() - size.ln());
-                    phase_before + part * (phase - phase_before) < margin
-                }
-            });
-            !crossed && (gain + 1.0).modulus() * peak >= 1.0
-        })
+        let found = self.axis_margins(axis, rising(from, to, count));
+        found.phase_margin_deg >= phase_margin_deg && found.sensitivity_peak <= peak
     }
 }
 
