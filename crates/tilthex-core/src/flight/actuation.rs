@@ -9,7 +9,10 @@ use crate::{
     bias::BiasEstimator,
     controller::{ControllerInput, ControllerState},
     so3,
-    supervisor::{Fault, Phase, limits::VELOCITY_DEVIATION},
+    supervisor::{
+        Fault, Phase,
+        limits::{LINE_LATE, VELOCITY_DEVIATION},
+    },
     types::{RobotState, RotorVector},
 };
 
@@ -34,7 +37,8 @@ impl Flight {
                 self.accept(&ramped);
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                let late = self.supervisor.active().contains(Fault::LineLate);
+                // At once: the supervisor waits whether it lasts.
+                let late = line_delay > LINE_LATE;
                 let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
                 let learns_model = guided.learn_model || self.learns_model;

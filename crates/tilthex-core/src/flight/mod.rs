@@ -44,7 +44,7 @@ use crate::{
     admittance::AdmittanceState,
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams, StartError},
-    supervisor::{Facts, Fault, Phase, Supervisor},
+    supervisor::{Facts, Fault, Phase, Supervisor, limits::LINE_LATE},
     types::{RotorVector, Setpoint, Vector3},
 };
 use bounds::Bounds;
@@ -288,7 +288,7 @@ impl Flight {
         self.rotor_model.set_doubted(self.stopped.doubted());
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
         let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);
-        let late = self.supervisor.active().contains(Fault::LineLate);
+        let late = input.telemetry.inertial.line_delay > LINE_LATE;
         self.rotor_model.adapt(motors, input.time, wrong && stopped == 0 && !late, dt);
         let mut conditions = self.watch.conditions(
             &watch::Seen {

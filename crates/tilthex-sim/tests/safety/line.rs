@@ -24,6 +24,23 @@ fn a_line_that_becomes_late_is_a_fault_of_its_own_and_does_not_tumble() {
     }
 }
 
+/// A host or a line that is held up for a moment: control bears it, and the flight goes on.
+#[test]
+fn a_line_that_is_late_for_a_moment_flies_on() {
+    for (delay, seed) in [(0.02, 91), (0.03, 92), (0.04, 93)] {
+        let mut world = World::preset("tilt-hex", "measured", seed);
+        world.fly();
+        world.run(1.0);
+        world.line_delay = delay;
+        world.run(0.15);
+        world.line_delay = 0.0;
+        world.run(5.0);
+        assert!(world.phase() == Phase::Flying && world.ended_by().is_none(), "{delay}: {:?}", world.phase());
+        assert!(world.farthest < 0.3, "{delay}: {:.2} m", world.farthest);
+        assert!(world.land(30.0));
+    }
+}
+
 #[test]
 fn a_delay_that_was_there_from_the_begin_is_no_late_line() {
     let mut world = World::preset("tilt-hex", "exact", 84);
