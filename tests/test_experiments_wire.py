@@ -72,13 +72,6 @@ def longest_silence(path: Path) -> float:
     return float(np.max(np.diff(heard), initial=0.0))
 
 
-FALSE_ALARM = pytest.mark.xfail(
-    reason="known failure: where the simulated world falls behind the clock, *line late* lands it",
-    strict=False,
-)
-
-
-@FALSE_ALARM
 def test_the_real_programs_slide_along_the_slope(tmp_path: Path) -> None:
     try:
         for end in os.openpty():
