@@ -16,7 +16,7 @@ const BITS: f64 = 10.0;
 const MAX_REACH: f64 = 5.0;
 /// Fastest rotor, Hz.
 const MAX_SPEED: f64 = 1000.0;
-/// Principal moments may break the triangle inequality by so much, as rounded numbers do.
+/// Principal moments may break the triangle inequality by this much, as rounded numbers do.
 const INERTIA_SLACK: f64 = 1.02;
 /// A weight counts as carried when the wrench is this part of it off, N and N m by N.
 const CARRIED: f64 = 0.01;

@@ -1,4 +1,4 @@
-//! Set-ups that cannot fly, or are in another unit: one sentence when they are read, or before a motor starts.
+//! Configurations that cannot fly, or are in another unit: one sentence when they are read, or before a motor starts.
 
 use std::path::Path;
 

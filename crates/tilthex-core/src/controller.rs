@@ -232,7 +232,7 @@ impl Controller {
         state.lasting_force_w += (observed.force - state.lasting_force_w) * share;
         let (filter, compensated) = match input.unyielding {
             None => (&self.admittance, observed),
-            // Rotors that carry so much and no more unload legs: those bear what else there is.
+            // The rotors carry exactly this force, and the legs carry the rest of the weight.
             Some([least, most]) if least >= most => (&self.firm, observed - contact),
             Some(_) => (&self.firm, self.explained(&observed, &contact, &state.lasting_force_w)),
         };
@@ -279,7 +279,7 @@ impl Controller {
         }
     }
 
-    /// The part of an observed wrench that errors of the model explain: the bias, and so much of the contact.
+    /// The part of an observed wrench that errors of the model explain: the bias, and as much of the contact as such errors can be.
     fn explained(&self, observed: &Wrench, contact: &Wrench, lasting_force_w: &Vector3) -> Wrench {
         let (force, torque) = self.model_error;
         let excess = |v: Vector3, limit: f64| v * (1.0 - limit / v.norm().max(limit));

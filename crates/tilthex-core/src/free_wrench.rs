@@ -139,7 +139,7 @@ mod tests {
 
     const DT: f64 = 0.002;
 
-    /// What an asked force comes to in 12 s, with a spring of so much, N/m, from a place on, m: the largest speed, the
+    /// What an asked force comes to in 12 s, with a spring of this stiffness, N/m, from a place on, m: the largest speed, the
     /// place, and the force on the spring.
     fn run(force: f64, damping: f64, stiffness: f64, wall: (f64, f64)) -> (f64, f64, f64) {
         let params = AdmittanceParams {

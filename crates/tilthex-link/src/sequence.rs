@@ -60,7 +60,7 @@ pub struct SequenceClock {
 }
 
 impl SequenceClock {
-    /// After a silence of so many periods the numbers say nothing: the clock starts anew.
+    /// After a silence of this many periods the numbers say nothing: the clock starts anew.
     const SILENCE: f64 = 128.0;
 
     /// A stream with a period in s, of which nothing came yet. Stamps may

@@ -66,7 +66,7 @@ impl<'a> Reader<'a> {
         self.i32()?.try_into().ok()
     }
 
-    /// Skips so many items of a size.
+    /// Skips this many items of a size.
     pub(super) fn skip(&mut self, count: usize, size: usize) -> Option<()> {
         self.bytes(count.checked_mul(size)?).map(|_| ())
     }

@@ -1,4 +1,4 @@
-//! Our clients read our servers, over loopback; and every wrong set-up ends in one sentence.
+//! Our clients read our servers, over loopback; and every wrong configuration ends in one sentence.
 
 #![allow(clippy::unwrap_used)]
 
@@ -98,7 +98,7 @@ fn in_motion(mut server: Server) -> (impl Fn(&str, &str) -> MocapUri, impl FnOnc
     })
 }
 
-/// Waits for so many poses.
+/// Waits for this many poses.
 fn collect(ring: &mut rtrb::Consumer<PoseSample>, count: usize) -> Vec<PoseSample> {
     let (mut samples, end) = (Vec::new(), Instant::now() + Duration::from_secs(60));
     while samples.len() < count && Instant::now() < end {

@@ -148,7 +148,7 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     serve(args, config, simulation, every, line)
 }
 
-/// Puts it behind a pseudo-terminal and before the cameras, which look `every` so many cycles and whose line has
+/// Puts it behind a pseudo-terminal and before the cameras, which look once in `every` cycles and whose line has
 /// a latency and a jitter (s) unless told otherwise.
 fn serve<B: Body + Send + 'static>(
     args: &Args,

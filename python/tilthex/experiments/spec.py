@@ -1,6 +1,6 @@
 """What an experiment's TOML file says.
 
-A file describes one set-up and, in its `[[run]]` tables, the runs that differ from
+A file describes one configuration and, in its `[[run]]` tables, the runs that differ from
 it in a few keys; `[short]` says what a short version changes. To make an experiment
 of one's own: copy a file, change it, and name it to `tilthex experiment`.
 """

@@ -12,12 +12,12 @@ pub(crate) type Number = Complex<f64>;
 pub(crate) type Matrix = SMatrix<Number, 6, 6>;
 type Diagonal = SVector<Number, 6>;
 
-/// Of the six axes, the share of a wanted acceleration that the rotors give from which on they give it at once.
+/// An axis of which the rotors give less than this share of a wanted acceleration is reached by tilting.
 const DIRECT: f64 = 0.5;
 /// The lowest frequency, rad/s, and how many there are up to half the sampling's.
 const LOWEST: f64 = 0.02;
 const FREQUENCIES: usize = 500;
-/// More phase, rad, than this between two frequencies is looked at more closely, so many times.
+/// If the phase between two frequencies differs by more than this, rad, the interval is halved, up to HALVINGS times.
 const MOST_PHASE: f64 = 0.7;
 const HALVINGS: usize = 12;
 /// Only normalises determinants, 1/s.
@@ -90,7 +90,7 @@ fn discrete_lag(rate: f64, last: Number) -> Number {
     Number::new(share, 0.0) / (Number::new(1.0, 0.0) - last * (1.0 - share))
 }
 
-/// So many frequencies in equal ratios, from the first up to the last, which is left out.
+/// This many frequencies in equal ratios, from the first up to the last, which is left out.
 pub(crate) fn rising(from: f64, to: f64, count: usize) -> impl Iterator<Item = f64> + use<> {
     let step = (to / from).ln() / count as f64;
     (0..count).map(move |k| from * (step * k as f64).exp())

@@ -39,7 +39,7 @@ fn a_gain_of_nine_hundred_is_unstable_and_a_soft_one_stable() {
     assert!(of("").hover().stable);
 }
 
-/// Above the observer's bandwidth a vehicle that is lighter than its model answers by so much more.
+/// Above the observer's bandwidth a vehicle that is lighter than its model answers by this much more.
 #[test]
 fn a_lighter_vehicle_has_so_much_less_gain_margin() {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());

@@ -7,22 +7,22 @@ use tilthex_core::Vector3;
 pub const LEAST_PHASE_MARGIN_DEG: f64 = 45.0;
 /// Asked of every axis' sensitivity of the nominal vehicle.
 pub const LARGEST_PEAK: f64 = 2.0;
-/// What is derived has so much more, degrees.
+/// Derived gains have this much phase margin more, degrees.
 const RESERVE_DEG: f64 = 0.5;
-/// With less, degrees, or a larger peak, gains are warned of, and are no default.
+/// Below this phase margin, degrees, or above [`HIGH_PEAK`], a warning is given, and the default gains are derived.
 pub const LOW_PHASE_MARGIN_DEG: f64 = 25.0;
-/// The peak likewise.
+/// The sensitivity peak above which a warning is given.
 pub const HIGH_PEAK: f64 = 2.5;
 /// What derived gains have, each axis by itself.
 const ASKED: (f64, f64) = (LEAST_PHASE_MARGIN_DEG + RESERVE_DEG, LARGEST_PEAK);
-/// Double poles that no vehicle needs to be faster than, 1/s: position and rotation.
+/// The fastest double poles that are derived, 1/s: position and rotation.
 const FASTEST: (f64, f64) = (10.0, 15.0);
-/// Double poles are tried from here on, 1/s, in such steps.
+/// The slowest double pole that is tried, and the step between two of them, 1/s.
 const STEP: f64 = 0.1;
-/// Frequencies at which a loop is looked at, rad/s: from, to, how many.
+/// Frequencies at which a loop is computed, rad/s: from, to, how many.
 const SWEEP: (f64, f64, usize) = (0.3, 300.0, 150);
-/// The observer's gain by the double pole of pose control, at most, and the largest, 1/s; of force where tilting stands
-/// between.
+/// The observer's gain is at most this multiple of pose control's double pole, and at most this, 1/s; the force
+/// observer's has a lower limit for a vehicle that must tilt to move sideways.
 const OBSERVER_BY_POLE: f64 = 1.0 / 0.3;
 const FASTEST_OBSERVER: f64 = 30.0;
 const FASTEST_TILTING_OBSERVER: f64 = 4.0;

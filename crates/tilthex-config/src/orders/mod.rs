@@ -20,7 +20,7 @@ use tilthex_core::{
 
 use crate::{AdmittanceSection, Config, ConfigError, files, section};
 use bounds::Bounds;
-use place::Paddock;
+use place::Geofence;
 pub use place::Place;
 use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
 
@@ -31,7 +31,7 @@ pub struct Orders {
     limits: Limits,
     admittance: AdmittanceSection,
     bounds: Bounds,
-    paddock: Paddock,
+    geofence: Geofence,
 }
 
 impl Orders {
@@ -42,7 +42,7 @@ impl Orders {
             limits: config.mission().limits(),
             admittance: config.admittance().clone(),
             bounds: Bounds::of(config),
-            paddock: Paddock::of(config),
+            geofence: Geofence::of(config),
         }
     }
 
@@ -66,7 +66,7 @@ impl Orders {
     /// # Errors
     /// One sentence: where it would lead, and the bounds.
     pub fn check_place(&self, command: &Command, place: &Place) -> Result<(), String> {
-        self.paddock.check(command, place)
+        self.geofence.check(command, place)
     }
 
     fn command(&mut self, name: &str, rest: serde_json::Value) -> Result<Command, String> {

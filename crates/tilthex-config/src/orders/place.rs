@@ -20,15 +20,15 @@ pub struct Place {
 
 /// What the geofence asks of orders.
 #[derive(Clone, Debug)]
-pub(super) struct Paddock {
+pub(super) struct Geofence {
     fence: Fence,
     tool: Mounting,
     /// How far an asked force carries the tool where nothing resists it, m.
     way: f64,
 }
 
-impl Paddock {
-    /// Of a set-up.
+impl Geofence {
+    /// Of a configuration.
     pub(super) fn of(config: &Config) -> Self {
         let supervisor = config.supervisor();
         Self {
@@ -72,15 +72,14 @@ impl Paddock {
         rotation_we: &Matrix3,
         place: &Place,
     ) -> Result<(), String> {
-        let robot_w = robot_position(&self.tool, position_w, rotation_we);
-        let inside = self.fence.of_orders();
-        if inside.beyond(&place.start_w, &robot_w) <= 0.0 {
+        if self.fence.holds(&place.start_w, &self.tool, position_w, rotation_we) {
             return Ok(());
         }
-        let Fence { sideways, up } = inside;
+        let robot_w = robot_position(&self.tool, position_w, rotation_we);
+        let Fence { sideways, up } = self.fence.of_orders();
         Err(format!(
             "{what} puts the vehicle at {} m, outside the geofence; expected within {sideways:.2} m of the start, {} m, along \
-             x and y, and {up:.2} m above it at most, by [supervisor] geofence and geofence_height of the set-up",
+             x and y, and {up:.2} m above it at most, by [supervisor] geofence and geofence_height",
             numbers(&robot_w),
             numbers(&place.start_w)
         ))

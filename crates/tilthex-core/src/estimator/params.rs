@@ -121,7 +121,7 @@ impl EstimatorParams {
         ImuPose { position_w: position_w - arm_w, rotation_wi, arm_w }
     }
 
-    /// Its noise, with variances of position and rotation so many times those that are configured.
+    /// Its noise, with variances of position and rotation this many times those that are configured.
     pub(super) fn pose_noise(&self, pose: &ImuPose, (position, rotation): (f64, f64)) -> PoseNoise {
         PoseNoise::new(
             self.position_noise * sqrt(position),

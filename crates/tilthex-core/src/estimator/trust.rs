@@ -13,7 +13,7 @@ const MOST_NOISE: f64 = 100.0;
 const RECENT: usize = 15;
 /// Median of a chi-square variable with 6 degrees of freedom.
 const EXPECTED_MEDIAN: f64 = 5.348;
-/// Noises are configured at most so many times too small, squared.
+/// Noises are configured at most this many times too small, squared.
 const MOST_LEVEL: f64 = 100.0;
 /// Two surprises say the same where their difference, squared, is below this share of one of them.
 const SAME: f64 = 0.25;

@@ -20,7 +20,7 @@ use libm::sqrt;
 
 /// Past this a rotation contradicts the state because markers were swapped, rad.
 pub(super) const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
-/// So long after a sample that was not simply measured the state is doubtful, s.
+/// This long after a sample that was not simply measured the state is doubtful, s.
 const DOUBT: f64 = 0.1;
 /// Largest scale of a surprising pose's variances: past it the pose contradicts.
 const MOST_NOISE: f64 = 100.0;
@@ -66,7 +66,7 @@ impl Estimator {
         report(pose.time, outcome, nis, Some(&whole))
     }
 
-    /// What a pose of the IMU tells beyond the head, with variances so many times those that are configured.
+    /// What a pose of the IMU tells beyond the head, with variances this many times those that are configured.
     fn innovation(&self, measured: &ImuPose, scales: Scales) -> Option<Innovation<6>> {
         innovation(&self.head.state, measured, &self.params.pose_noise(measured, scales))
     }

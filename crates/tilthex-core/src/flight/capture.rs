@@ -22,7 +22,7 @@ const PART: f64 = 0.4;
 /// The force that it shows to the side is at most this part of the force along the contradiction.
 const ACROSS: f64 = 0.6;
 
-/// So much of the estimate's attitude the reckoned one takes over from one window to the next.
+/// This much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
 /// How far the IMU alone may drift, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);

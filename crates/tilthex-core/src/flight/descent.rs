@@ -21,7 +21,7 @@ const FOLLOWED: f64 = 0.15;
 const TOUCHES: (f64, f64) = (1.0, 0.05);
 /// How far, m.
 const RETREAT: f64 = 0.15;
-/// The ground lies within so much of where the vehicle took off, m.
+/// The ground is at the height of the take-off, within this, m.
 const GROUND: f64 = 0.1;
 
 impl Flight {
@@ -116,7 +116,9 @@ impl Flight {
 
     /// Likewise of a streamed set-point.
     pub(super) fn keeps_setpoint(&self, setpoint: &Setpoint) -> bool {
-        let holds = |start_w| self.fence().holds(&start_w, self.params.vehicle.tool(), setpoint);
+        let (position_w, rotation_we) = (&setpoint.position_w, &setpoint.rotation_we);
+        let tool = self.params.vehicle.tool();
+        let holds = |start_w| self.fence().holds(&start_w, tool, position_w, rotation_we);
         self.start().is_none_or(holds)
     }
 
@@ -128,7 +130,7 @@ impl Flight {
         let fence = self.fence();
         let fast = robot.velocity_w.norm() > watch.max_speed;
         let outside = self.bounds.step(&fence, phase, &robot, (fast, self.landing.attempts()), dt);
-        let strays = !phase.in_flight() && self.route.is_some_and(|route| !self.keeps(&route));
+        let strays = !phase.in_flight() && self.route.as_ref().is_some_and(|route| !self.keeps(route));
         conditions.insert_if(Fault::Geofence, outside.fence || strays);
         conditions.insert_if(Fault::LandingFails, outside.landing);
         strays

@@ -2,7 +2,7 @@
 
 use super::io::Route;
 use crate::{
-    types::{Matrix3, Setpoint, Vector3},
+    types::{Matrix3, Vector3},
     vehicle::Mounting,
 };
 
@@ -15,7 +15,7 @@ pub struct Fence {
     pub up: f64,
 }
 
-/// Orders stay inside by so much, m, or by this part of the fence: a vehicle that stops there does not pass it.
+/// Orders keep this distance to the fence, m, or this part of its size where that is less.
 const INSIDE: (f64, f64) = (0.1, 0.1);
 
 impl Fence {
@@ -34,20 +34,23 @@ impl Fence {
         (way_w.x.abs().max(way_w.y.abs()) - self.sideways).max(way_w.z - self.up)
     }
 
-    /// Whether a set-point of the tool keeps the vehicle inside.
+    /// Whether orders may lead the tool to a pose (m and rotation, world): there the vehicle is inside.
     #[must_use]
-    pub fn holds(&self, start_w: &Vector3, tool: &Mounting, setpoint: &Setpoint) -> bool {
-        let robot_w = robot_position(tool, &setpoint.position_w, &setpoint.rotation_we);
-        self.of_orders().beyond(start_w, &robot_w) <= 0.0
+    pub fn holds(
+        &self,
+        start_w: &Vector3,
+        tool: &Mounting,
+        position_w: &Vector3,
+        rotation_we: &Matrix3,
+    ) -> bool {
+        self.of_orders().beyond(start_w, &robot_position(tool, position_w, rotation_we)) <= 0.0
     }
 
     /// The first way-point (from 0) of a route that does not.
     #[must_use]
     pub fn leaves(&self, start_w: &Vector3, tool: &Mounting, route: &Route) -> Option<usize> {
-        let fence = self.of_orders();
-        route.waypoints().iter().position(|point| {
-            fence.beyond(start_w, &robot_position(tool, &point.position_w, &point.rotation_we)) > 0.0
-        })
+        let out = |(position_w, rotation_we)| !self.holds(start_w, tool, position_w, rotation_we);
+        route.waypoints().iter().map(|point| (&point.position_w, &point.rotation_we)).position(out)
     }
 }
 

@@ -8,21 +8,21 @@ use crate::types::Vector3;
 
 /// The part of its weight that must be carried by something before the vehicle is unloaded.
 const SHARE: f64 = 0.3;
-/// A descent is blocked where the vehicle does not sink at this part of the commanded speed, for so long, s, or for so
-/// long where it is higher than the ground that it took off from.
+/// A descent is blocked where the vehicle does not sink at this part of the commanded speed, for the first of BLOCKED, s, or
+/// for the second where it is higher than the ground that it took off from.
 const FOLLOWS: f64 = 0.3;
 const BLOCKED: (f64, f64) = (0.2, 1.0);
-/// What lies still is no faster than this, m/s, for so long, s.
+/// A vehicle lies still if it is no faster than this, m/s, for this long, s.
 const STILL: (f64, f64) = (0.3, 0.2);
-/// A force that is felt carries after so long, s, however the vehicle moves; one that has toppled, or comes down
+/// A force that is felt carries after this long, s, however the vehicle moves; one that has toppled, or comes down
 /// without a rotor, bounces about.
 const FELT: (f64, f64) = (0.5, 0.1);
-/// Where pose and speed are known, a vehicle that has toppled lies still for so long, s: a push carries it, too.
+/// If pose and speed are known, a vehicle that has toppled must lie still for this long, s: a push can carry it as well.
 const LIES_STILL: f64 = 0.25;
 
 /// Parts of the weight that the rotors carry at the begin and at the end of unloading.
 const LOADS: (f64, f64) = (0.7, 0.05);
-/// Unloading takes so long, s; at the end the vehicle stays unloaded for so long, s, and for so long where
+/// Unloading takes this long, s; at the end the vehicle stays unloaded for this long, s, and for this long where
 /// it is higher than the ground that it took off from.
 const UNLOAD: f64 = 0.6;
 const UNLOADED: (f64, f64) = (0.2, 1.5);
@@ -30,16 +30,16 @@ const UNLOADED: (f64, f64) = (0.2, 1.5);
 const STANDS: (f64, f64) = (0.15, 0.02);
 /// Higher than this above the ground that it took off from, a vehicle that has toppled does not lie on it, m.
 const LIES: f64 = 0.05;
-/// A descent that something else than the ground has stopped so often does not succeed.
+/// A descent that something else than the ground has stopped this often does not succeed.
 pub(super) const ATTEMPTS: u32 = 4;
 
 /// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
-/// faster than so much, m/s, and rises again where it sinks faster than so much.
+/// faster than this much, m/s, and rises again where it sinks faster than this much.
 const FORCED: f64 = 0.1;
 const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
 /// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
 const FASTER: f64 = 5.0;
-/// A vehicle that is unloaded by force lies on something after so long, s.
+/// A vehicle that is unloaded by force lies on something after this long, s.
 const FORCED_REST: f64 = 2.0;
 
 /// What tells of the ground.

@@ -8,12 +8,13 @@ use crate::{
     types::RotorVector,
 };
 
-/// A motor turns as it should for so long before the next one is tried, s.
+/// A motor must turn as asked for this long, s, before the next one is tried.
 const RIGHT: f64 = 0.03;
-/// It is tried at its lowest speed times this, which some links cannot tell from standstill; a quarter off is wrong.
+/// A motor is tried at its lowest speed times TRIED, because some links do not tell the lowest speed from standstill.
+/// A speed that differs by the part OFF is wrong.
 const TRIED: f64 = 1.5;
 const OFF: f64 = 0.25;
-/// Another motor turns in its place for so long, s.
+/// Another motor that turns for this long, s, was started by mistake.
 const ANOTHER: f64 = 0.1;
 
 /// What is wrong with a motor. Motors count from 0.
@@ -103,7 +104,7 @@ impl MotorCheck {
         self.fault
     }
 
-    /// Whether every motor of a vehicle with so many has been seen to turn alone.
+    /// Whether each of this many motors has been seen to turn alone.
     pub(super) fn passed(&self, motors: usize) -> bool {
         self.motor >= motors
     }

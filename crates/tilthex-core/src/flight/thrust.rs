@@ -41,7 +41,7 @@ pub(super) struct ThrustWatch {
     suspect: Option<usize>,
     since: f64,
     trial: Option<Case>,
-    /// It failed a trial, so long ago, s: a push that ended meanwhile looks the same.
+    /// It failed a trial, this long ago, s: a push that ended meanwhile looks the same.
     failed: Option<Case>,
     /// A push at this rotor's arm lasts.
     acquitted: Option<Case>,

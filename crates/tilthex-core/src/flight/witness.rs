@@ -9,23 +9,23 @@ use crate::{
     types::{Matrix3, PoseSample, Vector3},
 };
 
-/// Second differences are taken over twice so much, s.
+/// Second differences are taken over twice this time, s.
 const SPAN: f64 = 0.06;
-/// Delays are tried in such steps, s, and this many.
+/// Step between the delays that are tried, s, and their number.
 const STEP: f64 = 0.02;
 const DELAYS: usize = 16;
-/// What is felt is kept every so often, s, and this many times; captured places, too.
+/// Interval at which the felt position is kept, s; how many of these, and how many captured positions, are kept.
 const EVERY: f64 = 0.01;
 const KEPT: usize = 48;
 const SEEN: usize = 16;
-/// What is older than about so long is forgotten, s.
+/// Time constant with which older products are forgotten, s.
 const FORGETS: f64 = 2.0;
-/// Square of the felt acceleration, summed up over time, below which nothing is told, (m/s^2)^2 s.
+/// Least integral of the squared felt acceleration with which anything is concluded, (m/s^2)^2 s.
 const SHAKES: f64 = 0.1;
-/// Correlation that tells something, and by how much that of a delay must be larger than that of none.
+/// Least correlation that is used; and how much larger that of a delay must be than that without a delay.
 const TELLS: f64 = 0.6;
 const BETTER: f64 = 0.15;
-/// Of a mirror: a determinant (1 of a turn, -1 of a mirror) below this, of motion with so much to the side.
+/// A determinant below this, as a part of the squared sideways products, is a mirror image: a turn has 1, a mirror -1.
 const MIRRORS: f64 = -0.4;
 
 /// What was seen since the take-off began.
@@ -161,7 +161,7 @@ mod tests {
     use super::*;
     use crate::{random::Random, so3};
 
-    /// Sways before a capture system that is late by so much, s, and shows places changed.
+    /// Sways before a capture system that is late by `late`, s, and shows positions changed by a matrix.
     fn watch(late: f64, change: Matrix3, seed: u64) -> Witness {
         let (mut witness, mut random) = (Witness::default(), Random::new(seed));
         let at = |t: f64| {

@@ -105,7 +105,7 @@ impl ModelDeviation {
 pub enum Refusal {
     /// No hover lasted long enough.
     NoHover,
-    /// The wrench of a hover (number, from 1) changed by so much while it lasted.
+    /// The wrench of a hover (number, from 1) changed by this much while it lasted.
     NotStill {
         /// Which hover, from 1.
         hover: usize,

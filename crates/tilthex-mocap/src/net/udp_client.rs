@@ -20,7 +20,7 @@ use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
 
 /// This long is waited for the first pose.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Reads return at least so often, to see whether to stop.
+/// Reads return at least this often, to see whether to stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
 /// Without a pose for this long, the sender may come back from another port, s.
 const FORGOTTEN: f64 = 1.0;

@@ -21,7 +21,7 @@ use super::{
 
 /// This long is waited for each of connection, greeting and first pose.
 const PATIENCE: Duration = Duration::from_millis(1200);
-/// Reads return at least so often, to see whether to stop.
+/// Reads return at least this often, to see whether to stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
 /// Between attempts to connect again, behind a first one at once: a pose that is lost for 0.5 s lands.
 const RECONNECT: Duration = Duration::from_millis(20);

@@ -37,7 +37,7 @@ use crate::{
     sleeper::{Clock, Monotonic},
 };
 
-/// Somebody who finds no place waits so long for the next look.
+/// Somebody who finds no place waits this long for the next look.
 const WAIT: Duration = Duration::from_millis(5);
 
 /// What all connections share.

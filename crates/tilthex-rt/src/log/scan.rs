@@ -12,7 +12,7 @@ use super::{
 
 /// Largest record, bytes: more is a damaged length.
 const MAX_RECORD: u64 = 256 << 20;
-/// All chunks together unpack to at most so many times the file's size. Flights unpack to about 4 times.
+/// All chunks together unpack to at most this many times the file's size. Flights unpack to about 4 times.
 const MAX_RATIO: u64 = 50;
 
 /// A channel of a log.

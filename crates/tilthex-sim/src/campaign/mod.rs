@@ -52,7 +52,7 @@ const LONGEST: f64 = 45.0;
 const SETTLING: usize = 1000;
 /// Stack of a thread that flies: a world takes 150 kB, and is moved about by value, bytes.
 const STACK: usize = 16 << 20;
-/// One flight in so many is flown from power-on.
+/// One flight in this many is flown from power-on.
 const WHOLE_EVERY: u64 = 4;
 
 /// Flies one flight with its faults.

@@ -8,7 +8,7 @@ use tilthex_core::{
     supervisor::{Fault, Phase},
 };
 
-/// From a time on, s, the pose of that time with new numbers and so much noise of the position, m.
+/// From a time on, s, the pose of that time with new numbers and this much noise of the position, m.
 fn freeze(world: &mut World, from: f64, until: f64, noise: f64) {
     let (mut kept, mut random) = (None, Random::new(7));
     world.capture = Box::new(move |now, pose| {

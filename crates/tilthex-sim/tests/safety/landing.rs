@@ -113,7 +113,7 @@ fn stopped_at(hard: &Hard) -> Option<f64> {
     world.stopped_at
 }
 
-/// Flies so many; `seed` chooses them, or chance does.
+/// Flies this many; `seed` chooses them, or chance does.
 fn never_stop_in_the_air(cases: u32, seed: Option<u64>) {
     let rng_seed = seed.map_or(RngSeed::Random, RngSeed::Fixed);
     let config = ProptestConfig {

@@ -23,7 +23,7 @@ pub(super) enum Found {
 pub(super) enum Taken {
     /// It holds the body.
     Body,
-    /// It holds so many others.
+    /// It holds this many others.
     Others(usize),
     /// It is laid out otherwise.
     Unreadable(Malformed),

@@ -27,11 +27,11 @@ use tilthex_sim::{Body, SimError, body::Cycle};
 
 /// The module that Python runs.
 const MODULE: &str = "tilthex.experiments.world_process";
-/// It may take so long to begin: a first import of MuJoCo is slow.
+/// It may take this long to begin: a first import of MuJoCo is slow.
 const BEGIN: Duration = Duration::from_secs(60);
-/// It may take so long for one cycle.
+/// It may take this long for one cycle.
 const ANSWER: Duration = Duration::from_secs(5);
-/// It may take so long to write its truth and end.
+/// It may take this long to write its truth and end.
 const END: Duration = Duration::from_secs(30);
 
 /// Which world.
