@@ -113,7 +113,7 @@ fn stopped_at(hard: &Hard) -> Option<f64> {
     world.stopped_at
 }
 
-/// Flies this many; `seed` chooses them, or chance does.
+/// Flies this many cases; `seed` chooses them, or chance where there is none.
 fn never_stop_in_the_air(cases: u32, seed: Option<u64>) {
     let rng_seed = seed.map_or(RngSeed::Random, RngSeed::Fixed);
     let config = ProptestConfig {
@@ -141,7 +141,7 @@ fn never_stop_in_the_air(cases: u32, seed: Option<u64>) {
 /// their model, some with a tool that stands below their feet.
 #[test]
 fn motors_never_stop_in_the_air_whatever_pushes() {
-    never_stop_in_the_air(12, Some(48_213));
+    never_stop_in_the_air(24, Some(48_213));
 }
 
 /// The same on cases that nobody has seen: `LANDINGS=2000 cargo test --release --test safety -- --ignored landings`.
