@@ -85,7 +85,7 @@ def test_a_server_that_goes_for_good_lands():
         arguments = [*FLY, "--port", port, "--baud", "0", "--mocap", f"vrpn://127.0.0.1:{line.port}/TILTHEX"]
         with started(*arguments, "--control", "127.0.0.1:0") as process:
             with connect(port=control_port(process)) as flight:
-                wait_for(flight, lambda state: state["phase"] == "flying")
+                wait_for(flight, lambda state: state["phase"] == "flying" and state["position"][2] > 0.5)
                 line.close()
             _, error = process.communicate(timeout=60)
         assert process.returncode == 4, error
