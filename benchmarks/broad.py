@@ -1,9 +1,9 @@
-"""The estimator on a real recording: errors at the poses that it was not given, and filterpy beside it.
+"""The estimator on real recordings: errors at the poses that it was not given, and filterpy beside it.
 
     python -m benchmarks.broad
 
-The recording (BROAD, Laidig et al. 2021) has a raw hand-held IMU at 285.7 Hz and OptiTrack poses. It is
-looked for in ../shared/data/broad, or in the folder `broad` of $TILTHEX_DATA.
+The recordings (BROAD, Laidig et al. 2021) have a raw hand-held IMU at 285.7 Hz, in one of them tapped, and
+OptiTrack poses. They are looked for in ../shared/data/broad, or in the folder `broad` of $TILTHEX_DATA.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchmarks.ukf import compare
 
 Array = NDArray[np.float64]
 NAME = "10_undisturbed_slow_translation_A.mat"
+TAPPED = "24_disturbed_tapping_A.mat"
 # Noises of this IMU (its datasheet's, twice) and of this capture.
 KEYS = {
     "gyro_noise": 2e-4,
@@ -34,18 +35,18 @@ KEYS = {
 }
 
 
-def path() -> Path:
-    """Where the recording is, whether it exists or not."""
+def path(name: str = NAME) -> Path:
+    """Where a recording is, whether it exists or not."""
     root = os.environ.get("TILTHEX_DATA")
     folder = Path(root) if root else Path(__file__).parents[1] / ".." / "shared" / "data"
-    return folder / "broad" / NAME
+    return folder / "broad" / name
 
 
-def load() -> Recording:
-    """The whole recording; poses with hidden markers are left out."""
+def load(name: str = NAME) -> Recording:
+    """A whole recording; poses with hidden markers are left out."""
     from scipy.io import loadmat
 
-    raw = loadmat(path())
+    raw = loadmat(path(name))
     at = np.arange(len(raw["imu_gyr"])) / float(raw["sampling_rate"].item())
     seen = np.isfinite(raw["opt_quat"]).all(axis=1) & np.isfinite(raw["opt_pos"]).all(axis=1)
     rotation = rotations_from_quaternions(raw["opt_quat"][:, [1, 2, 3, 0]])
@@ -130,9 +131,12 @@ def main() -> None:
         )
         sys.exit(2)
     recording = load()
+    print(f"{NAME}\n")
     errors(recording)
     print()
     beside(recording)
+    print(f"\n{TAPPED}\n")
+    errors(load(TAPPED))
 
 
 if __name__ == "__main__":

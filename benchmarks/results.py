@@ -42,7 +42,19 @@ PAGES = (
     Page(
         "peg-in-hole",
         "Peg in hole, random cases",
-        ("tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",),
+        (
+            "tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",
+            "tilthex experiment peg-in-hole --random 40 --seed 4002 --out out/results/steep "
+            "--set 'random.tilt_deg=[18.0,28.0]' --set 'random.friction=[0.2,0.45]'",
+        ),
+    ),
+    Page(
+        "wire",
+        "Experiments through the wire",
+        tuple(
+            f"tilthex experiment {name} --wire --out out/results/wire"
+            for name in ("sliding", "multi-contact")
+        ),
     ),
     Page(
         "contact_stability",
@@ -69,7 +81,28 @@ PAGES = (
     Page(
         "consistency",
         "Consistency of the estimator",
-        ("cargo test --release --locked -p tilthex-core --test consistency -- --nocapture",),
+        (
+            "TILTHEX_FLIGHTS=200 cargo test --release --locked -p tilthex-core --test consistency "
+            "-- --nocapture",
+        ),
+    ),
+    Page(
+        "recordings",
+        "The estimator on recordings",
+        ("python -m benchmarks.broad", "python -m benchmarks.ungated"),
+    ),
+    Page(
+        "speed",
+        "Processor time of the estimator",
+        ("python -m benchmarks.ukf", "cargo bench --locked --quiet -p tilthex-core --bench ukf"),
+    ),
+    Page(
+        "margins",
+        "Margins of the default and the derived gains",
+        tuple(
+            f"tilthex tune {name}"
+            for name in ("tilt-hex", "omnidirectional-octorotor", "hexarotor", "quadrotor")
+        ),
     ),
     Page(
         "manoeuvres", "Manoeuvres at the rotors' limits", ("tilthex manoeuvres --out out/results/manoeuvres",)
