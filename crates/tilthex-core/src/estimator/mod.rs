@@ -215,11 +215,22 @@ impl Estimator {
         Ok(())
     }
 
+    /// Goes on from the present state, with a gyro whose bias may have changed by up to `change` rad/s.
+    pub(crate) fn doubt_gyro(&mut self, change: f64) {
+        let known = self.head.state.axis_deviations();
+        let rotation = known.rotation.max(self.params.initial.rotation);
+        let deviation = InitialDeviation { rotation, gyro_bias: change, ..known };
+        self.go_on(self.navigation(), &deviation);
+    }
+
     /// Goes on from a state that was reckoned without poses.
     pub(crate) fn go_on_from(&mut self, mean: Navigation) {
-        let deviation = InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial };
+        self.go_on(mean, &InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial });
+    }
+
+    fn go_on(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         let newest = (self.newest_pose, self.newest_position);
-        self.start(self.now(), mean, &deviation);
+        self.start(self.now(), mean, deviation);
         (self.newest_pose, self.newest_position) = newest;
     }
 

@@ -22,6 +22,10 @@ const PART: f64 = 0.4;
 /// The force that it shows to the side is at most this part of the force along the contradiction.
 const ACROSS: f64 = 0.6;
 
+/// The gyro explains at most this many contradictions in a row.
+const EXCUSED: u32 = 3;
+/// A contradiction is a mean over at least this time, s.
+const SHORTEST: f64 = 0.1;
 /// This much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
 /// How far the IMU alone may drift, m/s and m/s^2.
@@ -53,7 +57,8 @@ impl Window {
     fn from(state: &Navigation, rest: &Navigation, length: f64, began: (f64, f64)) -> Self {
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
-        Self { reckoned, from_w: state.position_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
+        let from_w = state.position_w;
+        Self { reckoned, from_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
     }
 }
 
@@ -74,6 +79,9 @@ pub(super) struct CaptureWatch {
     doubt: GyroDoubt,
     /// Time for which nothing is compared after a blow, s.
     settles: f64,
+    /// Whether the gyro's bias has changed since the vehicle rested, and how many contradictions in a row that has explained.
+    stepped: bool,
+    excused: u32,
     lies: bool,
 }
 
@@ -83,6 +91,15 @@ pub(super) struct Contradiction {
     pub(super) reckoned: Navigation,
     pub(super) estimate: Navigation,
     pub(super) from_w: Vector3,
+}
+
+/// What is wrong where poses and IMU contradict each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Verdict {
+    /// The poses: none is believed from then on.
+    PosesLie(Contradiction),
+    /// The gyro: its bias is not known any more.
+    GyroIsOff,
 }
 
 impl CaptureWatch {
@@ -115,7 +132,7 @@ impl CaptureWatch {
 
     /// The vehicle rests: what its IMU shows now are biases.
     pub(super) fn rests(&mut self, state: &Navigation) {
-        (self.rest, self.window) = (Some(*state), None);
+        (self.rest, self.window, self.stepped) = (Some(*state), None, false);
     }
 
     /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
@@ -154,14 +171,19 @@ impl CaptureWatch {
         external_r: &Wrench,
         vehicle: &Vehicle,
         dt: f64,
-    ) -> Option<Contradiction> {
-        let rest = self.rest?;
+    ) -> Option<Verdict> {
+        let mut rest = self.rest?;
         let state = estimator.navigation();
         if estimator.is_modelled() {
             self.struck();
         }
         if self.settles > 0.0 {
             return None;
+        }
+        if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
+            // What poses have shown of the gyro's bias since.
+            rest.gyro_bias_i = state.gyro_bias_i;
+            self.rest = Some(rest);
         }
         self.doubt.feel(&external_r.torque, vehicle, dt);
         let health = estimator.health();
@@ -184,23 +206,42 @@ impl CaptureWatch {
             let own = window.reckoned.rotation_wi;
             let apart = so3::log(&(own.transpose() * state.rotation_wi));
             let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
-            self.window = Some(Window { reckoned: Navigation { rotation_wi, ..fresh.reckoned }, ..fresh });
+            let reckoned = Navigation { rotation_wi, ..fresh.reckoned };
+            self.window = Some(Window { reckoned, ..fresh });
+            self.excused = if contradicts { self.excused } else { 0 };
         }
         if !contradicts || self.lies {
             return None;
         }
-        let imu_is_off = self.imu_is_off(&window, &state, external_r, vehicle);
+        let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
+        let gyro_is_off = self.excused < EXCUSED && self.gyro_is_off(&state, &apart_i);
+        let imu_is_off = gyro_is_off || self.shows_a_force(&window, &state, external_r, vehicle);
         self.window = None;
+        if gyro_is_off {
+            (self.stepped, self.settles) = (true, SETTLES);
+            self.excused = self.excused.saturating_add(1);
+            return Some(Verdict::GyroIsOff);
+        }
         if imu_is_off {
             return None;
         }
         self.lies = true;
-        Some(Contradiction { reckoned: window.reckoned, estimate: state, from_w: window.from_w })
+        Some(Verdict::PosesLie(Contradiction {
+            reckoned: window.reckoned,
+            estimate: state,
+            from_w: window.from_w,
+        }))
     }
 
-    /// Whether the IMU, and not the poses, explains a contradiction. The rotors are the third witness: an IMU that is
-    /// wrong shows a wrench that does not exist.
-    fn imu_is_off(
+    /// Whether the gyro, and not the poses, explains that its attitude is `apart_i` rad, IMU axes, from that of the poses.
+    fn gyro_is_off(&self, state: &Navigation, apart_i: &Vector3) -> bool {
+        let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
+        learnt > GYRO_LEFT || self.doubt.explains(apart_i)
+    }
+
+    /// Whether the accelerometer explains a contradiction. The rotors are the third witness: an accelerometer that is
+    /// wrong shows a force that does not exist.
+    fn shows_a_force(
         &self,
         window: &Window,
         state: &Navigation,
@@ -208,15 +249,12 @@ impl CaptureWatch {
         vehicle: &Vehicle,
     ) -> bool {
         let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
-        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(0.1);
+        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(SHORTEST);
         let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
         // A force that begins within the window is larger than its mean over the window.
         let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
         let across = (force_w.norm_squared() - along * along).max(0.0);
-        let pushes = along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along;
-        let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
-        let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
-        pushes || learnt > GYRO_LEFT || self.doubt.explains(&apart_i)
+        along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
     }
 
     /// The vehicle takes off from rest: its first motion is reckoned in one piece.

@@ -83,6 +83,7 @@ impl Flight {
             toppled: self.supervisor.active().contains(Fault::Tilt),
             adrift: self.adrift,
             forced: self.supervisor.active().contains(Fault::LandingFails),
+            room: self.params.watch.geofence_height,
         };
         match self.landing.step(&seen, weight, dt) {
             Verdict::Down => return true,

@@ -8,9 +8,9 @@ use crate::{types::Vector3, vehicle::Vehicle};
 /// Time constant of the unexplained rate, s. A torque that lasts longer is an error of the model.
 const FADES: f64 = 0.7;
 /// Time constant of its largest value, s, if that can be a change of the bias.
-const REMEMBERED: f64 = 4.0;
+const REMEMBERED: f64 = 12.0;
 /// Least and largest change of a gyro's bias, rad/s. Noise makes less; a hand or a wall makes more.
-const BIAS: (f64, f64) = (0.03, 0.35);
+pub(super) const BIAS: (f64, f64) = (0.03, 0.35);
 /// The angle between gyro and poses is at most this time, s, multiplied by the change of the bias.
 const LONGEST: f64 = 10.0;
 /// A smaller angle between gyro and poses than this, rad, is not used.

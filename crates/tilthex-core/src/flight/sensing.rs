@@ -2,7 +2,8 @@
 
 use super::{
     Flight,
-    capture::Contradiction,
+    capture::{Contradiction, Verdict},
+    gyro_doubt::BIAS,
     io::{MAX_POSES, Measured},
     rotors::modelled_imu,
 };
@@ -100,10 +101,17 @@ impl Flight {
         let output = self.output.as_ref().filter(|_| phase.in_flight())?;
         let robot = self.estimator.robot_state();
         let external_r = output.contact(&robot, &self.control.bias_r);
-        let found = self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)?;
-        self.estimator.go_on_from(found.reckoned);
-        conditions.insert_if(Fault::PoseContradicts, true);
-        Some(found)
+        match self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)? {
+            Verdict::PosesLie(found) => {
+                self.estimator.go_on_from(found.reckoned);
+                conditions.insert_if(Fault::PoseContradicts, true);
+                Some(found)
+            }
+            Verdict::GyroIsOff => {
+                self.estimator.doubt_gyro(BIAS.1);
+                None
+            }
+        }
     }
 
     /// A correction of the estimate is no motion: reference and set-point take part in

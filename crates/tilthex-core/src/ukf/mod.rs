@@ -174,6 +174,19 @@ impl UkfState {
         [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
     }
 
+    /// Deviation of an axis of each part: a filter that starts with these is as certain, without their correlations.
+    #[must_use]
+    pub(crate) fn axis_deviations(&self) -> InitialDeviation {
+        let axis = |part: usize| libm::sqrt(self.trace(part) / 3.0);
+        InitialDeviation {
+            position: axis(POSITION),
+            velocity: axis(VELOCITY),
+            rotation: axis(ROTATION),
+            gyro_bias: axis(GYRO_BIAS),
+            accelerometer_bias: axis(ACCELEROMETER_BIAS),
+        }
+    }
+
     /// The gyro's bias.
     #[must_use]
     pub fn gyro_bias(&self) -> GyroBias {
