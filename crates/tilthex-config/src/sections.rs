@@ -31,7 +31,7 @@ section! {
 section! {
     /// Motion capture.
     pub MocapSection as "mocap" {
-        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY", "vrpn://HOST/TRACKER" or "udp://SENDER/BODY"; empty for none.
+        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY", "vrpn://HOST/TRACKER[/SENSOR]" or "udp://SENDER/BODY"; empty for none.
         uri: String = String::new(),
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),

@@ -8,8 +8,8 @@
 //! | 8 | u32 | number of the packet, one more each time |
 //! | 12 | u32 | bit 0: the body is seen |
 //! | 16 | f64 | when the pose was taken, s, on any clock that does not jump |
-//! | 24 | 3 x f64 | position, m |
-//! | 48 | 4 x f64 | orientation, unit quaternion, scalar last |
+//! | 24 | 3 x f64 | position, m; any where the body is not seen |
+//! | 48 | 4 x f64 | orientation, unit quaternion (within 1 %), scalar last; any where the body is not seen |
 
 use crate::{Malformed, bytes::Reader};
 
@@ -53,16 +53,21 @@ impl<'a> PosePacket<'a> {
         let flags = reader.u32().ok_or(Malformed("flags"))?;
         let mut numbers = [0.0; 8];
         for number in &mut numbers {
-            *number = reader.f64().filter(|x| x.is_finite()).ok_or(Malformed("time or pose"))?;
+            *number = reader.f64().ok_or(Malformed("size"))?;
         }
         let [time, x, y, z, qx, qy, qz, qw] = numbers;
+        let seen = flags & SEEN != 0;
+        // What is not seen has no pose, and its numbers say nothing.
+        if !time.is_finite() || (seen && numbers.iter().any(|number| !number.is_finite())) {
+            return Err(Malformed("time or pose (a number that is not finite)"));
+        }
         let body = reader.rest();
         if body.is_empty() || body.len() > MAX_NAME {
             return Err(Malformed("name"));
         }
         Ok(Self {
             number,
-            tracking_valid: flags & SEEN != 0,
+            tracking_valid: seen,
             time,
             position: [x, y, z],
             quaternion_xyzw: [qx, qy, qz, qw],

@@ -275,11 +275,26 @@ fn addresses() {
         ("natnet://10.0.0.5/hex", "natnet://10.0.0.5:1510/hex"),
         ("natnet+multicast://motive:1234/tilt%20hex", "natnet+multicast://motive:1234/tilt hex"),
         ("vrpn://[::1]/a/b", "vrpn://[::1]:3883/a/b"),
+        ("vrpn://host/hex/2", "vrpn://host:3883/hex/2"),
+        ("vrpn://host/room%2F2", "vrpn://host:3883/room%2F2"),
+        ("vrpn://host/room/2/0", "vrpn://host:3883/room/2/0"),
+        ("vrpn://host/hex/99999999999", "vrpn://host:3883/hex/99999999999"),
+        ("natnet://host/hex/2", "natnet://host:1510/hex/2"),
         ("vrpn://[::1]:99/100%25", "vrpn://[::1]:99/100%25"),
     ] {
         let uri = parse(text).unwrap();
         assert_eq!(uri.to_string(), whole);
         assert_eq!(parse(whole).unwrap(), uri);
+    }
+    for (text, body, sensor) in [
+        ("vrpn://host/hex/2", "hex", Some(2)),
+        ("vrpn://host/room%2F2", "room/2", None),
+        ("vrpn://host/room/2/0", "room/2", Some(0)),
+        ("vrpn://host/a/b", "a/b", None),
+        ("udp://host/hex/2", "hex/2", None),
+    ] {
+        let uri = parse(text).unwrap();
+        assert_eq!((uri.body.as_str(), uri.sensor), (body, sensor), "{text}");
     }
     for (text, reason) in [
         ("10.0.0.5/hex", "names no protocol"),

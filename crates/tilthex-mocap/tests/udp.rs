@@ -46,6 +46,17 @@ proptest! {
     }
 
     #[test]
+    fn only_what_is_seen_must_have_a_pose(at in 0..8_usize, seen: bool, bad in prop::sample::select(vec![f64::NAN, f64::INFINITY])) {
+        let pose = PosePacket {
+            number: 1, tracking_valid: seen, time: 1.0, position: [0.0; 3], quaternion_xyzw: [0.0, 0.0, 0.0, 1.0], body: b"hex",
+        };
+        let mut bytes = [0; MAX_LENGTH];
+        let length = pose.encode(&mut bytes);
+        bytes[16 + 8 * at..][..8].copy_from_slice(&bad.to_le_bytes());
+        prop_assert_eq!(PosePacket::parse(&bytes[..length]).is_ok(), !seen && at > 0);
+    }
+
+    #[test]
     fn no_bytes_panic(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
         let _ = PosePacket::parse(&bytes);
         let _ = PosePacket::parse(&[b"tilthex1", &bytes[..]].concat());
@@ -119,4 +130,53 @@ fn nobody_who_sends_is_one_sentence() {
     let message = refusal();
     assert!(message.contains("no UDP pose of `hex` came from 127.0.0.1"), "{message}");
     assert!(!message.contains('\n'));
+}
+
+/// What a client says whose only sender repeats one packet.
+fn refusal_of(packet: &[u8], host: &str) -> String {
+    let free = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+    let port = free.local_addr().expect("bound").port();
+    drop(free);
+    let uri: MocapUri = format!("udp://{host}:{port}/hex").parse().expect("valid");
+    let ended = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let _end = OnDrop(&ended);
+        scope.spawn(|| {
+            let sender = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+            while !ended.load(Ordering::Relaxed) {
+                let _ = sender.send_to(packet, (Ipv4Addr::LOCALHOST, port));
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Client::start(&uri, ClientParams::default()).expect_err("refused").to_string()
+    })
+}
+
+#[test]
+fn each_wrong_packet_is_answered_with_its_reason() {
+    let with = |at: usize, value: f64| {
+        let mut bytes = packet(1, 0.0, b"hex");
+        bytes[at..at + 8].copy_from_slice(&value.to_le_bytes());
+        bytes
+    };
+    let cases = [
+        (with(24, f64::NAN), "127.0.0.1", "a number that is not finite"),
+        (with(16, f64::INFINITY), "127.0.0.1", "a number that is not finite"),
+        (with(72, 0.9), "127.0.0.1", "quaternion [0, 0, 0, 0.9] is not of unit length"),
+        (
+            packet(1, 0.0, b"hex")[..60].to_vec(),
+            "127.0.0.1",
+            "size is malformed, of 60 bytes; expected `tilthex1`",
+        ),
+        (packet(1, 0.0, &[b'x'; 64]).repeat(2), "127.0.0.1", "name is malformed, of 145 bytes"),
+        (packet(1, 0.0, b"hex"), "127.0.0.9", "a packet came from 127.0.0.1"),
+    ];
+    std::thread::scope(|scope| {
+        for (bytes, host, reason) in &cases {
+            scope.spawn(move || {
+                let said = refusal_of(bytes, host);
+                assert!(said.contains(reason) && !said.contains('\n'), "expected {reason}: {said}");
+            });
+        }
+    });
 }

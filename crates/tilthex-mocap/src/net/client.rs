@@ -107,21 +107,22 @@ pub(super) struct Sink {
 
 impl Sink {
     /// Hands a pose on, taken at a time (s) and in the axes of the capture
-    /// system; one that is none is counted and dropped.
+    /// system; one that is none is counted and dropped. False only for one
+    /// that claims to be valid and is none.
     pub(super) fn pose(
         &mut self,
         (time, arrival): (f64, f64),
         position: [f64; 3],
         quaternion_xyzw: [f64; 4],
         tracking_valid: bool,
-    ) {
+    ) -> bool {
         if !tracking_valid {
             add(&self.counters.untracked, 1);
         }
         let Some((position_w, rotation_wr)) = self.params.up_axis.to_world(position, quaternion_xyzw) else {
             // Systems send zeros, or worse, for what they do not see.
             add(&self.counters.refused, tracking_valid.into());
-            return;
+            return !tracking_valid;
         };
         let sample = PoseSample { time: time.min(arrival), arrival, position_w, rotation_wr, tracking_valid };
         self.counters.age(arrival - sample.time);
@@ -130,5 +131,6 @@ impl Sink {
             Err(_) => &self.counters.dropped,
         };
         add(counter, 1);
+        true
     }
 }

@@ -1,6 +1,7 @@
 //! A client of a NatNet server.
 
 mod packets;
+mod sender;
 
 use std::{
     net::SocketAddr,
@@ -24,6 +25,7 @@ use crate::{
     natnet::{DATA_PORT, MessageId, Version, parse_packet, write_bare, write_connect, write_echo_request},
 };
 use packets::{Found, Introduction, Taken};
+use sender::Sender;
 use tilthex_core::types::Nanos;
 
 const MILLISECOND: Nanos = 1_000_000;
@@ -52,6 +54,7 @@ pub(super) struct Session {
     /// For servers whose cameras do not tell the exposure.
     passive: ClockSync,
     newest: Option<i32>,
+    sender: Sender,
     sink: Sink,
 }
 
@@ -72,6 +75,7 @@ impl PoseSource for Session {
             echo: EchoClock::new(DRIFT),
             passive,
             newest: None,
+            sender: Sender::new(server.port()),
             sink,
         };
         let multicast = session.introduce()?;
@@ -143,7 +147,12 @@ impl Session {
                 "{server} speaks NatNet {major}.{minor}; expected 3.0 to 4.2: use a newer capture program, or let it \
                  stream in another version"
             ))),
-            None => Err(SourceError::new(if self.refused() > refused {
+            None => Err(SourceError::new(if let Some(port) = self.sender.stranger() {
+                format!(
+                    "what answers for {server} sends from port {port}, not from the port that was asked: check the port, \
+                     usually 1510, and that no other program answers there"
+                )
+            } else if self.refused() > refused {
                 format!("{server} answers, but not as a NatNet server: check the port, usually 1510")
             } else {
                 format!(
@@ -283,9 +292,15 @@ impl Session {
             let mut buffer = std::mem::take(&mut self.buffer);
             let mut found = None;
             while found.is_none()
-                && let Some(length) = self.line.read(&mut buffer)
+                && let Some((length, port)) = self.line.read(&mut buffer)
             {
-                match parse_packet(&buffer[..length]) {
+                let packet = parse_packet(&buffer[..length]);
+                let id = packet.as_ref().ok().map(|(id, _)| *id);
+                if !self.sender.admits(port, id, self.data_port, now()) {
+                    add(&self.sink.counters.refused, 1);
+                    continue;
+                }
+                match packet {
                     Ok((MessageId::EchoResponse, payload)) => self.take_echo(payload),
                     Ok((id, payload)) => found = take(self, id, payload),
                     Err(_) => add(&self.sink.counters.refused, 1),

@@ -74,12 +74,14 @@ impl Line {
         };
     }
 
-    /// The next packet of the server, from either socket.
-    pub(super) fn read(&self, buffer: &mut [u8]) -> Option<usize> {
+    /// The next packet of the server's host, from either socket: its length and the port that sent it.
+    pub(super) fn read(&self, buffer: &mut [u8]) -> Option<(usize, u16)> {
         [Some(&self.command), self.group.as_ref()].into_iter().flatten().find_map(|socket| {
             loop {
                 match socket.recv_from(buffer) {
-                    Ok((length, from)) if from.ip() == self.server.ip() => return Some(length),
+                    Ok((length, from)) if from.ip() == self.server.ip() => {
+                        return Some((length, from.port()));
+                    }
                     // Strangers are not listened to.
                     Ok(_) => {}
                     Err(_) => return None,

@@ -1,6 +1,7 @@
 //! Poses in UDP packets of our own.
 
 use std::{
+    fmt,
     io::ErrorKind,
     net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket},
     sync::atomic::{AtomicBool, Ordering},
@@ -15,7 +16,10 @@ use super::{
     source::PoseSource,
     uri::MocapUri,
 };
-use crate::udp::{MAX_LENGTH, PosePacket};
+use crate::{
+    Malformed,
+    udp::{MAX_LENGTH, PosePacket},
+};
 use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
 
 /// This long is waited for the first pose.
@@ -29,6 +33,33 @@ const DRIFT: f64 = 1e-4;
 /// Names kept for a message.
 const MAX_NAMES: usize = 16;
 
+/// Why a packet was not taken.
+#[derive(Clone, Copy, Debug)]
+enum Refusal {
+    /// It came from another host.
+    Stranger(IpAddr),
+    /// It is no packet of ours; its length, bytes.
+    Malformed(Malformed, usize),
+    /// Its quaternion has another length than 1.
+    Turned([f64; 4]),
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stranger(host) => write!(f, "a packet came from {host}"),
+            Self::Malformed(what, length) => write!(
+                f,
+                "{what}, of {length} bytes; expected `tilthex1`, u32, u32, 8 finite f64 (little-endian) and the body's \
+                 name, 81 to {MAX_LENGTH} bytes"
+            ),
+            Self::Turned([x, y, z, w]) => {
+                write!(f, "the packet's quaternion [{x}, {y}, {z}, {w}] is not of unit length")
+            }
+        }
+    }
+}
+
 /// A socket that one sender's packets come to.
 pub(super) struct Session {
     uri: MocapUri,
@@ -39,6 +70,8 @@ pub(super) struct Session {
     newest: f64,
     number: Option<u32>,
     others: Vec<Vec<u8>>,
+    /// Why the last packet was refused, for a message.
+    refusal: Option<Refusal>,
     clock: ClockSync,
     sink: Sink,
 }
@@ -65,6 +98,7 @@ impl PoseSource for Session {
             newest: 0.0,
             number: None,
             others: Vec::new(),
+            refusal: None,
             clock,
             sink,
         };
@@ -74,13 +108,14 @@ impl PoseSource for Session {
                 return Ok(session);
             }
         }
+        let (body, host, port) = (&uri.body, session.host, uri.port);
+        let came = match session.refusal {
+            Some(refusal) => refusal.to_string(),
+            None => format!("what came was of {}", list(&session.others)),
+        };
         Err(SourceError::new(format!(
-            "no UDP pose of `{}` came from {} at port {}; what came was of {}: start the sender, and check its address \
-             and the body's name",
-            uri.body,
-            session.host,
-            uri.port,
-            list(&session.others)
+            "no UDP pose of `{body}` came from {host} at port {port}: {came}; start the sender, and check its address, \
+             the body's name and the layout of its packets"
         )))
     }
 
@@ -110,12 +145,11 @@ impl Session {
         let arrival = now();
         let known = self.sender.filter(|_| arrival - self.newest < FORGOTTEN);
         if from.ip() != self.host || known.is_some_and(|sender| sender != from) {
-            add(&self.sink.counters.refused, 1);
-            return false;
+            return self.refuse(Refusal::Stranger(from.ip()));
         }
-        let Ok(pose) = PosePacket::parse(packet.get(..length).unwrap_or_default()) else {
-            add(&self.sink.counters.refused, 1);
-            return false;
+        let pose = match PosePacket::parse(packet.get(..length).unwrap_or_default()) {
+            Ok(pose) => pose,
+            Err(what) => return self.refuse(Refusal::Malformed(what, length)),
         };
         if pose.body != self.uri.body.as_bytes() {
             if self.others.len() < MAX_NAMES && !self.others.iter().any(|name| name == pose.body) {
@@ -135,7 +169,17 @@ impl Session {
         let stamp = self.clock.step(pose.time, arrival);
         add(&self.sink.counters.clock_resets, (stamp.event == ClockEvent::Reset).into());
         let taken = stamp.time - self.sink.params.latency;
-        self.sink.pose((taken, arrival), pose.position, pose.quaternion_xyzw, pose.tracking_valid);
-        true
+        // The sink counts what is no pose.
+        let is_pose =
+            self.sink.pose((taken, arrival), pose.position, pose.quaternion_xyzw, pose.tracking_valid);
+        self.refusal = (!is_pose).then_some(Refusal::Turned(pose.quaternion_xyzw));
+        is_pose
+    }
+
+    /// Counts a packet that is not taken.
+    fn refuse(&mut self, why: Refusal) -> bool {
+        add(&self.sink.counters.refused, 1);
+        self.refusal = Some(why);
+        false
     }
 }

@@ -5,7 +5,7 @@ use std::{fmt, str::FromStr};
 use super::{SourceError, source::Protocol};
 
 /// A captured body's address: `natnet://HOST[:PORT]/BODY`,
-/// `natnet+multicast://HOST[:PORT]/BODY`, `vrpn://HOST[:PORT]/TRACKER` or `udp://SENDER[:PORT]/BODY`.
+/// `natnet+multicast://HOST[:PORT]/BODY`, `vrpn://HOST[:PORT]/TRACKER[/SENSOR]` or `udp://SENDER[:PORT]/BODY`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MocapUri {
     /// How the system speaks.
@@ -16,6 +16,8 @@ pub struct MocapUri {
     pub port: u16,
     /// The rigid body's or tracker's name.
     pub body: String,
+    /// The number of the tracker's sensor (VRPN); `None` for the first one that reports.
+    pub sensor: Option<i32>,
 }
 
 impl FromStr for MocapUri {
@@ -25,7 +27,7 @@ impl FromStr for MocapUri {
         let wrong = |found: &str| {
             SourceError::new(format!(
                 "the motion capture `{text}` {found}; expected natnet://HOST[:PORT]/BODY, \
-                 natnet+multicast://HOST[:PORT]/BODY, vrpn://HOST[:PORT]/TRACKER or udp://SENDER[:PORT]/BODY"
+                 natnet+multicast://HOST[:PORT]/BODY, vrpn://HOST[:PORT]/TRACKER[/SENSOR] or udp://SENDER[:PORT]/BODY"
             ))
         };
         let (scheme, rest) = text.split_once("://").ok_or_else(|| wrong("names no protocol"))?;
@@ -35,6 +37,10 @@ impl FromStr for MocapUri {
             .find(|protocol| protocol.scheme() == scheme)
             .ok_or_else(|| wrong(&format!("has the unknown protocol `{scheme}`")))?;
         let (authority, body) = rest.split_once('/').ok_or_else(|| wrong("names no body"))?;
+        let (body, sensor) = match protocol {
+            Protocol::Vrpn => split_sensor(body),
+            _ => (body, None),
+        };
         let body = decode_percent(body).ok_or_else(|| wrong("has a broken % escape"))?;
         if body.is_empty() {
             return Err(wrong("names no body"));
@@ -57,7 +63,7 @@ impl FromStr for MocapUri {
         if host.is_empty() {
             return Err(wrong("names no host"));
         }
-        Ok(Self { protocol, host: host.into(), port, body })
+        Ok(Self { protocol, host: host.into(), port, body, sensor })
     }
 }
 
@@ -65,10 +71,25 @@ impl fmt::Display for MocapUri {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let host = if self.host.contains(':') { format!("[{}]", self.host) } else { self.host.clone() };
         write!(f, "{}://{host}:{}/", self.protocol.scheme(), self.port)?;
-        self.body.chars().try_for_each(|c| match c {
-            '%' => write!(f, "%25"),
-            c => write!(f, "{c}"),
-        })
+        let body = self.body.replace('%', "%25");
+        match (self.sensor, self.protocol, body.rsplit_once('/')) {
+            (Some(sensor), ..) => write!(f, "{body}/{sensor}"),
+            // The name's own end is no number of a sensor.
+            (None, Protocol::Vrpn, Some((name, end))) if split_sensor(&body).1.is_some() => {
+                write!(f, "{name}%2F{end}")
+            }
+            _ => write!(f, "{body}"),
+        }
+    }
+}
+
+/// A tracker's name, and the number of its sensor behind the last slash, where one stands there.
+fn split_sensor(text: &str) -> (&str, Option<i32>) {
+    let number =
+        |end: &str| end.bytes().all(|byte| byte.is_ascii_digit()).then(|| end.parse().ok()).flatten();
+    match text.rsplit_once('/') {
+        Some((name, end)) => number(end).map_or((text, None), |sensor| (name, Some(sensor))),
+        None => (text, None),
     }
 }
 

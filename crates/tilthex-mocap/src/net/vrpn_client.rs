@@ -38,8 +38,15 @@ struct Names {
     tracker: Option<i32>,
     pose: Option<i32>,
     others: Vec<Vec<u8>>,
-    /// The sensor followed: the first that reports.
+}
+
+/// The sensor followed, over every connection: another one is another body.
+#[derive(Debug)]
+struct Followed {
+    /// The one that the address names, or the first that reported.
     sensor: Option<i32>,
+    /// The others that reported, for a message.
+    others: Vec<i32>,
 }
 
 /// A connection to a server.
@@ -49,6 +56,7 @@ pub(super) struct Session {
     stream: TcpStream,
     decoder: Decoder,
     names: Names,
+    followed: Followed,
     clock: ClockSync,
     sink: Sink,
 }
@@ -60,7 +68,8 @@ impl PoseSource for Session {
             .map_err(|error| SourceError::new(error.to_string()))?;
         let names = Names::default();
         let decoder = Decoder::default();
-        let mut session = Self { uri: uri.clone(), server, stream, decoder, names, clock, sink };
+        let followed = Followed { sensor: uri.sensor, others: Vec::new() };
+        let mut session = Self { uri: uri.clone(), server, stream, decoder, names, followed, clock, sink };
         session.first_pose()?;
         Ok(session)
     }
@@ -96,9 +105,15 @@ impl Session {
             }
         }
         let (server, tracker) = (self.server, &self.uri.body);
-        Err(SourceError::new(match self.names.tracker {
-            Some(_) => format!("the tracker `{tracker}` of {server} sends no poses: is its body seen?"),
-            None => format!("{server} has no tracker named `{tracker}`; it has {}", list(&self.names.others)),
+        Err(SourceError::new(match (self.names.tracker, self.followed.sensor) {
+            (Some(_), Some(sensor)) if !self.followed.others.is_empty() => format!(
+                "the tracker `{tracker}` of {server} has no sensor {sensor}; its sensors that report are {}",
+                self.followed.others.iter().map(i32::to_string).collect::<Vec<_>>().join(", ")
+            ),
+            (Some(_), _) => format!("the tracker `{tracker}` of {server} sends no poses: is its body seen?"),
+            (None, _) => {
+                format!("{server} has no tracker named `{tracker}`; it has {}", list(&self.names.others))
+            }
         }))
     }
 
@@ -120,7 +135,7 @@ impl Session {
                 Ok(None) => {}
                 Ok(Some(message)) => {
                     poses += u32::from(take(
-                        &mut self.names,
+                        (&mut self.names, &mut self.followed),
                         &mut self.clock,
                         &mut self.sink,
                         &self.uri,
@@ -140,7 +155,7 @@ impl Session {
 
 /// Takes a message; whether it was a pose of the tracker.
 fn take(
-    names: &mut Names,
+    (names, followed): (&mut Names, &mut Followed),
     clock: &mut ClockSync,
     sink: &mut Sink,
     uri: &MocapUri,
@@ -162,13 +177,15 @@ fn take(
         add(&sink.counters.refused, 1);
         return false;
     };
-    if *names.sensor.get_or_insert(pose.sensor) != pose.sensor {
+    if *followed.sensor.get_or_insert(pose.sensor) != pose.sensor {
+        if followed.others.len() < MAX_NAMES && !followed.others.contains(&pose.sensor) {
+            followed.others.push(pose.sensor);
+        }
         return false;
     }
     let stamp = clock.step(message.seconds(), arrival);
     add(&sink.counters.clock_resets, (stamp.event == ClockEvent::Reset).into());
-    sink.pose((stamp.time - sink.params.latency, arrival), pose.position, pose.quaternion_xyzw, true);
-    true
+    sink.pose((stamp.time - sink.params.latency, arrival), pose.position, pose.quaternion_xyzw, true)
 }
 
 /// Connects and exchanges cookies, within a time for each.

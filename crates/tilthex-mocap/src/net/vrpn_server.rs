@@ -32,6 +32,8 @@ pub struct VrpnServerParams {
     pub address: SocketAddrV4,
     /// The tracker's name.
     pub tracker: String,
+    /// The number of its sensor.
+    pub sensor: i32,
     /// The axis that points up in what it sends.
     pub up_axis: UpAxis,
     /// The line to the clients.
@@ -45,6 +47,7 @@ impl VrpnServerParams {
         Self {
             address: SocketAddrV4::new(Ipv4Addr::LOCALHOST, vrpn::PORT),
             tracker: tracker.into(),
+            sensor: 0,
             up_axis: UpAxis::Z,
             line: LineParams::default(),
         }
@@ -184,7 +187,7 @@ impl Worker {
         }
         let (position, quaternion_xyzw) =
             self.params.up_axis.from_world(&publication.position_w, &publication.rotation_wr);
-        let pose = TrackerPose { sensor: 0, position, quaternion_xyzw };
+        let pose = TrackerPose { sensor: self.params.sensor, position, quaternion_xyzw };
         // VRPN stamps are wall-clock times.
         let age = Duration::from_nanos(Monotonic.now().saturating_sub(publication.time));
         let taken = SystemTime::now() - age;

@@ -60,7 +60,9 @@ impl Capture {
             }
             Protocol::Vrpn => {
                 let params = VrpnServerParams::new(&uri.body);
-                VrpnServer::start(VrpnServerParams { address, up_axis, line, ..params }).map(Self::Vrpn)
+                let sensor = uri.sensor.unwrap_or(params.sensor);
+                VrpnServer::start(VrpnServerParams { address, sensor, up_axis, line, ..params })
+                    .map(Self::Vrpn)
             }
         };
         server.map_err(refuse)
@@ -72,7 +74,8 @@ impl Capture {
     /// As [`Self::start`].
     pub fn on_loopback(up_axis: UpAxis, line: LineParams) -> Result<(Self, MocapUri), Failure> {
         let host = IpAddr::from(Ipv4Addr::LOCALHOST).to_string();
-        let mut uri = MocapUri { protocol: Protocol::NatNet, host, port: 0, body: "TILTHEX".into() };
+        let body = "TILTHEX".into();
+        let mut uri = MocapUri { protocol: Protocol::NatNet, host, port: 0, body, sensor: None };
         let capture = Self::start(&uri, up_axis, line)?;
         uri.port = capture.address().port();
         Ok((capture, uri))
