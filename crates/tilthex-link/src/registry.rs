@@ -1,14 +1,14 @@
-//! The links there are: one line each.
+//! The list of all links, one line for each.
 
-use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, tk3};
+use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink};
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
 };
 
-/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", host type`.
+/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles that it expects", host type`.
 macro_rules! links {
-    ($($(#[$doc:meta])* $kind:ident => $name:literal, $host:ty;)+) => {
+    ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $host:ty;)+) => {
         /// Which link a vehicle speaks.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum LinkKind {
@@ -26,6 +26,14 @@ macro_rules! links {
                     $(Self::$kind => $name,)+
                 }
             }
+
+            /// The vehicles that it expects at the other end, in words.
+            #[must_use]
+            pub const fn vehicles(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $vehicles,)+
+                }
+            }
         }
 
         /// The host's end of any link.
@@ -35,10 +43,10 @@ macro_rules! links {
         }
 
         impl Link {
-            /// A link over which nothing came yet, for a vehicle with `rotor_count` rotors.
+            /// A link that has not received anything yet, for a vehicle with `rotor_count` rotors.
             ///
             /// # Errors
-            /// A stream period that cannot be.
+            /// A stream period that the link refuses.
             pub fn new(kind: LinkKind, params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
                 match kind {
                     $(LinkKind::$kind => <$host>::new(params, rotor_count).map(Self::$kind),)+
@@ -77,5 +85,5 @@ macro_rules! links {
 
 links! {
     /// The serial protocol of the Telekyb3 family.
-    Tk3 => "tk3", tk3::Host;
+    Tk3 => "tk3", "mkfl, flymu, chimera or teensy with a version", crate::tk3::Host;
 }

@@ -23,8 +23,8 @@ use tilthex_core::{
     wrench_observer::{ObserverInput, WrenchObserver, WrenchObserverState},
 };
 use tilthex_link::{
-    InertialDue, LinkedFlight, LinkedOutput, VehicleLink, WireInput,
-    tk3::{self, HostMessage, Receiver, VehicleMessage},
+    InertialDue, Link, LinkedFlight, LinkedOutput, VehicleLink, WireInput,
+    tk3::{HostMessage, Receiver, VehicleMessage},
 };
 
 #[no_panic]
@@ -104,7 +104,7 @@ fn tick(b: &mut Flight, input: &Measured<'_>, out: &mut Commanded) {
 }
 
 #[no_panic]
-fn look(b: &mut tk3::Host, bytes: &[u8]) -> InertialDue {
+fn look(b: &mut Link, bytes: &[u8]) -> InertialDue {
     b.look(bytes)
 }
 

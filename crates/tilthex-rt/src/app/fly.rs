@@ -54,6 +54,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         }
         _ => None,
     };
+    let kind = params.kind;
     let linked = LinkedFlight::new(params, route)?;
     let flags = Flags::default();
     signals::land_or_ignore(&flags.interrupted)?;
@@ -124,7 +125,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let recorded = recorder.finish();
     let refused_orders = control.map_or(0, |control| control.refused());
     report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
-    report::outcome(end, &name, &flags, &recorded)
+    report::outcome(end, &name, kind, &flags, &recorded)
 }
 
 /// The vehicle and the motion capture.

@@ -9,6 +9,7 @@ use tilthex_core::{
 };
 
 use tilthex_config::Config;
+use tilthex_link::LinkKind;
 
 use crate::{
     Failure, Kind, control_loop::End, flags::Flags, log::fault_names, output::say, recorder::Recorded,
@@ -113,6 +114,7 @@ fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
 pub(super) fn outcome(
     end: Option<End>,
     port: &str,
+    link: LinkKind,
     flags: &Flags,
     recorded: &Recorded,
 ) -> Result<(), Failure> {
@@ -143,8 +145,8 @@ pub(super) fn outcome(
                 None => "nothing understandable answered".into(),
             };
             Err(Failure::link(format!(
-                "{port}: no vehicle identified itself in 2 s: {heard}; expected mkfl, flymu, chimera or teensy with a \
-                 version: check port, power and speed of the line"
+                "{port}: no vehicle identified itself: {heard}; expected {}: check port, power and speed of the line",
+                link.vehicles()
             )))
         }
         Some(End::LinkLost { in_flight: true }) => Err(Failure::link(format!(
@@ -161,7 +163,7 @@ pub(super) fn outcome(
             Err(Failure::fault(format!("the motors were not started: {}", causes(faults))))
         }
         Some(End::NotReady { link_ready: false, .. }) => Err(Failure::link(format!(
-            "{port}: the vehicle identified itself, but its streams did not come; check speed and load of the line"
+            "{port}: the vehicle's streams did not come; check speed and load of the line"
         ))),
         Some(End::NotReady { faults, .. }) if !faults.is_empty() => {
             Err(Failure::fault(format!("not ready to start: {}", causes(faults))))
