@@ -38,6 +38,7 @@ macro_rules! links {
 
         /// The host's end of any link.
         #[derive(Clone, Debug)]
+        #[allow(clippy::large_enum_variant)] // there is one link in a program; a box would allocate
         pub enum Link {
             $($(#[$doc])* $kind($host),)+
         }
