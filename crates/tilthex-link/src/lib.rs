@@ -21,6 +21,7 @@ mod registry;
 mod sequence;
 mod text;
 pub mod tk3;
+pub mod toy;
 mod wire;
 
 pub use awaited::{Awaited, InertialDue};
