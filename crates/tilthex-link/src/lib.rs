@@ -21,7 +21,6 @@ mod registry;
 mod sequence;
 mod text;
 pub mod tk3;
-pub mod toy;
 mod wire;
 
 pub use awaited::{Awaited, InertialDue};

@@ -87,6 +87,4 @@ macro_rules! links {
 links! {
     /// The serial protocol of the Telekyb3 family.
     Tk3 => "tk3", "mkfl, flymu, chimera or teensy with a version", crate::tk3::Host;
-    /// A text protocol.
-    Toy => "toy", "a board that answers V", crate::toy::Host;
 }
