@@ -23,6 +23,8 @@ const TOUCHES: (f64, f64) = (1.0, 0.05);
 const RETREAT: f64 = 0.15;
 /// The ground is at the height of the take-off, within this, m.
 const GROUND: f64 = 0.1;
+/// An estimate that is this many times as fast as the largest speed is beyond hope if no pose supports it.
+const HOPELESS: f64 = 2.0;
 
 impl Flight {
     /// A landing begins: away from what the tool touches, then down.
@@ -83,6 +85,7 @@ impl Flight {
             toppled: self.supervisor.active().contains(Fault::Tilt),
             adrift: self.adrift,
             forced: self.supervisor.active().contains(Fault::LandingFails),
+            hopeless: !placed && robot.velocity_w.norm() > HOPELESS * self.params.watch.max_speed,
             room: self.params.watch.geofence_height,
         };
         match self.landing.step(&seen, weight, dt) {

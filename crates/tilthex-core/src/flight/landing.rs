@@ -68,6 +68,8 @@ pub(super) struct Seen {
     pub(super) adrift: bool,
     /// Whether it is to be brought down whatever it costs.
     pub(super) forced: bool,
+    /// Whether the estimate is beyond hope: it says what no vehicle in a room can do.
+    pub(super) hopeless: bool,
     /// No place in the room is higher than this above the ground, m.
     pub(super) room: f64,
 }
@@ -230,7 +232,9 @@ impl Forced {
             (self.sunk, self.doubted) = (0.0, DOUBTED);
         }
         let (slow, fast) = FORCED_SPEEDS;
-        let rate = if stands || seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow {
+        let rate = if seen.hopeless {
+            -FORCED
+        } else if stands || seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow {
             FASTER * -FORCED
         } else if -seen.velocity < slow || self.doubted > 0.0 {
             -FORCED
@@ -240,7 +244,7 @@ impl Forced {
             0.0
         };
         self.carried = (self.carried + rate * dt).max(LOADS.1).min(1.0);
-        let still = self.carried <= LOADS.1 && (stands || seen.velocity.abs() < STILL.0);
+        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || seen.velocity.abs() < STILL.0);
         self.unloaded = if still { self.unloaded + dt } else { 0.0 };
         (self.carried, self.unloaded > FORCED_REST)
     }
@@ -262,6 +266,7 @@ mod tests {
         toppled: false,
         adrift: false,
         forced: false,
+        hopeless: false,
         room: 3.0,
     };
 
@@ -345,6 +350,9 @@ mod tests {
             };
             assert_eq!(run(stands).0, Verdict::Down, "{drift}");
         }
+        // What cannot be is no reason to carry anything: the vehicle may lie upside down, and believe that it falls.
+        let cannot_be = |_, _| Seen { forced: true, velocity: -20.0, hopeless: true, ..AIR };
+        assert!(matches!(run(cannot_be).0, Verdict::On([_, most]) if most < 0.1 * WEIGHT));
         // In the air nothing is felt.
         let falls = |_, _| Seen { forced: true, velocity: -0.7, ..AIR };
         assert!(matches!(run(falls).0, Verdict::On([_, most]) if most > 0.5 * WEIGHT));
