@@ -95,6 +95,7 @@ pub(super) struct Contradiction {
 
 /// What is wrong where poses and IMU contradict each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[allow(clippy::large_enum_variant)] // made once in a contradiction; a box would allocate
 pub(super) enum Verdict {
     /// The poses: none is believed from then on.
     PosesLie(Contradiction),
