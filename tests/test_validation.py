@@ -108,6 +108,8 @@ def test_a_wrong_shape_is_named_with_both_shapes(call, name):
             function(**arguments | {name: bad})
     with pytest.raises(ValueError, match=f"^{name} is a dict; expected an array of numbers$"):
         function(**arguments | {name: {}})
+    with pytest.raises(ValueError, match=f"^{name} is an array of truth values; expected an array of numbers$"):
+        function(**arguments | {name: np.ones(expected, bool)})
 
 
 @pytest.mark.parametrize(("call", "name"), [case for case in CASES if case[1] == "rotation"])

@@ -29,7 +29,7 @@ fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// Any array-like as a float64 array; arrays of float64 are taken as they are.
+/// Any array-like of numbers as a float64 array; arrays of float64 are taken as they are. A mask is no array of numbers.
 fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     if let Ok(array) = object.cast::<PyArrayDyn<f64>>() {
         return Ok(array.clone());
@@ -37,11 +37,20 @@ fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     static ASARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
     let py = object.py();
     let asarray = ASARRAY.import(py, "numpy", "asarray")?;
-    let found = asarray.call1((object, "float64")).map_err(|_| {
+    let refused =
+        |what: String| PyValueError::new_err(format!("{name} is {what}; expected an array of numbers"));
+    let no_array = |_| {
         let kind = object.get_type().name().map_or_else(|_| "an object".into(), |n| n.to_string());
-        PyValueError::new_err(format!("{name} is a {kind}; expected an array of numbers"))
-    })?;
-    Ok(found.cast_into::<PyArrayDyn<f64>>()?)
+        refused(format!("a {kind}"))
+    };
+    let found = asarray.call1((object,)).map_err(no_array)?;
+    let kind: String = found.getattr("dtype")?.getattr("kind")?.extract()?;
+    match kind.as_str() {
+        "b" => return Err(refused("an array of truth values".into())),
+        "c" => return Err(refused("an array of complex numbers".into())),
+        _ => {}
+    }
+    Ok(asarray.call1((found, "float64")).map_err(no_array)?.cast_into::<PyArrayDyn<f64>>()?)
 }
 
 /// The numbers of an array of exactly this shape, row by row, written to `out`.
