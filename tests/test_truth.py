@@ -309,3 +309,29 @@ def test_the_world_behind_the_wire_greets_with_what_was_drawn() -> None:
         assert numbers[-3] == noise.pose_period
     assert_allclose(said[13:24], drawn.sensor_errors().constants[6:], atol=0)
     assert not any(exact[13:24])
+
+
+@pytest.mark.parametrize(("age", "lag_error"), [(0.004, 0.0), (0.012, 0.1)])
+def test_rotor_speeds_whose_age_is_known_are_no_contact(age, lag_error):
+    """Old speeds look like contact where the vehicle accelerates; brought to the sample's time they do
+    not, also where the rotors' lag is known to 10 % only."""
+    way = [{"position": [x, 0, 1], "rotation": np.eye(3)} for x in (0.0, 1.0, 0.0)]
+    there_and_back = tilthex.Trajectory(way, velocity=0.8, acceleration=3.0)
+    truth = {"delays": {"rotor_speeds": age}, "error": {"rotor_lag": lag_error}}
+
+    def largest(known):
+        run = tilthex.simulate(
+            CONFIG.replace(link={"rotor_speed_age": known}, mission={"bias_time": 0.0}),
+            duration=there_and_back.duration,
+            trajectory=there_and_back,
+            truth=truth,
+            noise=0.0,
+            estimator=False,
+        )
+        sizes = np.abs(run["wrench_tool"])
+        return np.array([sizes[:, :3].max(), sizes[:, 3:].max()])
+
+    taken_as_it_comes, brought = largest(0.0), largest(age)
+    assert np.all(taken_as_it_comes > [0.04, 0.015])
+    part = 0.01 if lag_error == 0.0 else 0.25
+    assert np.all(brought < part * taken_as_it_comes), (taken_as_it_comes, brought)

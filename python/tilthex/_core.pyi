@@ -405,6 +405,7 @@ class Allocator:
         wrench: ArrayLike,
         rotor_speeds: ArrayLike | None = None,
         lost: Sequence[int] | None = None,
+        rotation: ArrayLike | None = None,
     ) -> Allocation: ...
 
 @final

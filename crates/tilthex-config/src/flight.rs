@@ -48,6 +48,7 @@ impl Config {
             guidance,
             watch: self.supervisor.params(),
             take_off,
+            rotor_speed_age: self.link.rotor_speed_age,
         };
         Flight::new(params, None)?;
         Ok(params)
@@ -71,8 +72,8 @@ impl LinkSection {
         LoopDelays {
             period: 1.0 / self.imu_rate,
             line: self.loop_delay,
-            // The newest of a motor's samples is half a period old in the mean.
-            rotor_speeds: 0.5 / self.motor_rate,
+            // The newest of a motor's samples is half a period old in the mean, unless it is brought to the sample's time.
+            rotor_speeds: if self.rotor_speed_age > 0.0 { 0.0 } else { 0.5 / self.motor_rate },
         }
     }
 

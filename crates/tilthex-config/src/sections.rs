@@ -21,6 +21,9 @@ section! {
         /// From an inertial sample to the rotors' answer to it, beyond half a control period: line, computer and motor
         /// controllers. Stability margins and derived gains count on it.
         loop_delay: f64 = 0.004 => "s" from 0.0 to 0.1,
+        /// How much older a measured rotor speed is than an inertial sample that arrives with it. Above 0 the rotors' lag and
+        /// the commands bring the speeds to the sample's time; 0 takes them as they come.
+        rotor_speed_age: f64 = 0.0 => "s" from 0.0 to 0.05,
         /// One count of the accelerometer; 0 for what is known of the board.
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
         /// One count of the gyroscope; 0 for what is known of the board.

@@ -6,7 +6,7 @@
 use tilthex_config::{Config, PRESETS, VehicleSection};
 use tilthex_core::{
     Matrix3, Setpoint, Vector3, Wrench,
-    allocation::Priority,
+    allocation::{Allocator, AllocatorState, Priority, RotorStatus},
     controller::{Controller, ControllerInput, ControllerOutput, ControllerState},
     plant::{Plant, PlantState},
     so3,
@@ -152,12 +152,7 @@ fn every_vehicle_yields_to_a_push_and_comes_back() {
     for (name, _) in PRESETS {
         let mut f = flight(name, "");
         let start = f.hold();
-        let tool = f.plant.vehicle().tool().position_r;
-        let deviation = |f: &Flight| {
-            // Of the centre of mass: a vehicle that must lean cannot keep its tool in place.
-            let place = f.state.robot.position_w + tool;
-            place - start.position_w
-        };
+        let deviation = |f: &Flight| f.tool().0 - start.position_w;
         let out = f.fly(12.0, &start, &push(0.7, 0.0, 0.0));
         let spring = (0.7 - 0.2) / 6.0;
         let pose = f.plant.vehicle().actuation() == Actuation::Pose;
@@ -171,6 +166,51 @@ fn every_vehicle_yields_to_a_push_and_comes_back() {
         }
         f.fly(12.0, &start, &Wrench::ZERO);
         assert!(deviation(&f).norm() < 0.01, "{name} {:?}", deviation(&f));
+    }
+}
+
+/// More than the rotors give sideways turns the vehicle, and the turn is about the tool: from any side, it is where the admittance
+/// filter has it, and the vehicle rests.
+#[test]
+fn a_turn_for_lateral_force_leaves_the_tool_in_its_place() {
+    let stiff = "admittance = { stiffness = [200.0, 200.0, 200.0, 50.0, 50.0, 50.0], damping = [60.0, 60.0, 60.0, 8.0, 8.0, 8.0] }";
+    for name in ["tilt-hex", "tilt-hex-light", "hexarotor", "quadrotor", "coaxial-tilt-hex"] {
+        for side in 0..3 {
+            let mut f = flight(name, stiff);
+            let start = f.hold();
+            let force = 0.38 * f.plant.vehicle().weight();
+            let (sine, cosine) = (2.3 * f64::from(side)).sin_cos();
+            // Through the centre of mass: the rotors have little torque to spare.
+            let mut push = push(force * cosine, force * sine, 0.0);
+            let lever_w = start.position_w - f.state.robot.position_w;
+            push.torque = -lever_w.cross(&push.force);
+            let turned = f.fly(12.0, &start, &push);
+            let away = f.tool().0 - turned.reference.position_w;
+            let turn = degrees(&f.state.robot.rotation_wr, &start.rotation_we);
+            println!("{name} {side}: turned by {turn:.1} deg, {:.2} mm", 1e3 * away.norm());
+            assert!(turn > 2.0, "{name} {turn} deg");
+            assert!(away.norm() < 5e-3, "{name} {side} {away}");
+            let spin = f.state.robot.angular_velocity_r.norm();
+            assert!(f.state.robot.velocity_w.norm() < 0.01 && spin < 0.05, "{name} {side}");
+        }
+    }
+}
+
+/// Rolled to any attitude, a vehicle that can fly so gives up its place for its height: priorities are the world's.
+#[test]
+fn an_omnidirectional_vehicle_keeps_its_height_in_any_attitude() {
+    let config = Config::default_for(VehicleSection::preset("omnidirectional-octorotor").unwrap());
+    let vehicle = *config.vehicle().vehicle();
+    let allocator = Allocator::new(&vehicle);
+    for k in 0..200 {
+        let k = f64::from(k);
+        let r = so3::rot_z(0.7 * k) * so3::rot_x(1.1 * k) * so3::rot_y(0.3 * k);
+        let wanted_w = Vector3::new(60.0 * k.cos(), 60.0 * k.sin(), vehicle.weight());
+        let wrench = Wrench { force: r.transpose() * wanted_w, torque: Vector3::zeros() }.to_vector();
+        let out = allocator.step(&mut AllocatorState::default(), &wrench, &r, &RotorStatus::default());
+        let given_w = r * out.wrench.fixed_rows::<3>(0);
+        assert!((given_w.z - vehicle.weight()).abs() < 1e-6, "{k} {given_w}");
+        assert_eq!(out.given_up, Some(Priority::LateralForce), "{k}");
     }
 }
 

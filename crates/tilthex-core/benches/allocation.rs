@@ -46,7 +46,7 @@ fn allocation(c: &mut Criterion) {
     let within = Vector6::new(2.0, 1.0, weight, 0.1, -0.1, 0.05);
     let beyond = Vector6::new(30.0, 5.0, weight, 0.5, -0.5, 0.2);
     let worst = slowest(&allocator);
-    let status = RotorStatus::default();
+    let (status, level) = (RotorStatus::default(), Matrix3::identity());
     let out = allocator.allocate(&worst);
     println!(
         "slowest of 20000: {} steps, {} rotors at limits",
@@ -58,12 +58,12 @@ fn allocation(c: &mut Criterion) {
     group.bench_function("limits, cold", |b| b.iter(|| allocator.allocate(black_box(&beyond))));
     group.bench_function("limits, warm", |b| {
         let mut state = AllocatorState::default();
-        b.iter(|| allocator.step(&mut state, black_box(&beyond), &status));
+        b.iter(|| allocator.step(&mut state, black_box(&beyond), &level, &status));
     });
     group.bench_function("slowest, cold", |b| b.iter(|| allocator.allocate(black_box(&worst))));
     group.bench_function("slowest, warm", |b| {
         let mut state = AllocatorState::default();
-        b.iter(|| allocator.step(&mut state, black_box(&worst), &status));
+        b.iter(|| allocator.step(&mut state, black_box(&worst), &level, &status));
     });
     let selector = AttitudeSelector::new(&vehicle, AttitudeParams::default()).expect("an attitude");
     let reference = Reference::hold(Vector3::zeros(), Matrix3::identity());

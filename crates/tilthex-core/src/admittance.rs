@@ -314,16 +314,29 @@ fn without_outward(rate: Vector3, outward: Option<Vector3>) -> Vector3 {
 pub fn centre_of_mass_reference(tool_reference: &Setpoint, tool: &Mounting) -> Reference {
     let t = tool_reference;
     let rotation_wr = t.rotation_we * tool.rotation_r.transpose();
-    let lever_w = rotation_wr * tool.position_r;
-    let (omega, alpha) = (t.angular_velocity_w, t.angular_acceleration_w);
     let to_body = rotation_wr.transpose();
+    let attitude = Reference {
+        angular_velocity_r: to_body * t.angular_velocity_w,
+        angular_acceleration_r: to_body * t.angular_acceleration_w,
+        ..Reference::hold(t.position_w, rotation_wr)
+    };
+    about_tool(t, &attitude, &tool.position_r)
+}
+
+/// An attitude with the place and the motion at which the tool is where its reference is.
+pub(crate) fn about_tool(
+    tool_reference: &Setpoint,
+    attitude: &Reference,
+    tool_position_r: &Vector3,
+) -> Reference {
+    let (t, r) = (tool_reference, &attitude.rotation_wr);
+    let lever_w = r * tool_position_r;
+    let (omega, alpha) = (r * attitude.angular_velocity_r, r * attitude.angular_acceleration_r);
     Reference {
         position_w: t.position_w - lever_w,
-        rotation_wr,
         velocity_w: t.velocity_w - omega.cross(&lever_w),
-        angular_velocity_r: to_body * omega,
         acceleration_w: t.acceleration_w - alpha.cross(&lever_w) - omega.cross(&omega.cross(&lever_w)),
-        angular_acceleration_r: to_body * alpha,
+        ..*attitude
     }
 }
 

@@ -3,7 +3,11 @@
 //! Where the rotors can produce the wrench, they do: `u = A^-1 w`, or of all
 //! solutions the one nearest to the hover inputs. Where they cannot, the parts
 //! of the wrench are served in strict order of [`Priority`]: no part is worse
-//! by the least amount for the sake of one after it (see `hierarchy`).
+//! by the least amount for the sake of one after it (see `hierarchy`). Forces are
+//! parted along the world's axes: what carries a vehicle keeps its rank however it is
+//! turned. A vehicle that moves sideways only by tilting has one force, which its
+//! attitude points: its forces are parted along its own axes. So are torques, since the
+//! axis about which rotors are weak is the vehicle's.
 
 mod hierarchy;
 mod levels;
@@ -12,11 +16,11 @@ mod section;
 use crate::{
     Error, Vehicle,
     error::check_range,
-    types::{MAX_ROTORS, RotorVector, Vector6},
-    vehicle::{Allocation as Matrix, AllocationInverse, inputs},
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector6},
+    vehicle::{Actuation, Allocation as Matrix, AllocationInverse, inputs},
 };
 use hierarchy::{ROWS, Side};
-use levels::Levels;
+use levels::{Levels, turned};
 use libm::{exp, sqrt};
 pub use section::ForceSection;
 
@@ -24,7 +28,8 @@ pub use section::ForceSection;
 /// search that reached them would return its best inputs so far, in the limits.
 pub const MAX_ITERATIONS: u32 = hierarchy::MAX_ITERATIONS;
 
-/// A part of the body wrench, met or given up as one.
+/// A part of the wrench, met or given up as one: torques along robot axes, forces along the world's, or the robot's
+/// where it moves sideways only by tilting.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Priority {
     /// Torque about x and y, N m: keeps the attitude.
@@ -33,7 +38,7 @@ pub enum Priority {
     VerticalForce,
     /// Torque about z, N m.
     YawTorque,
-    /// Force along x and y, N.
+    /// Force along x and y, N: keeps the place.
     LateralForce,
 }
 
@@ -118,6 +123,8 @@ pub struct Allocator {
     rotor_time_constant: f64,
     params: AllocatorParams,
     levels: Levels,
+    /// Whether forces are parted along the world's axes.
+    by_world: bool,
     /// Errors up to this, N or N m, are none.
     tolerance: f64,
 }
@@ -217,6 +224,7 @@ impl Allocator {
             params,
             tolerance: SHORTFALL_TOLERANCE * vehicle.weight(),
             levels: Levels::by_priority(vehicle, &params.order),
+            by_world: vehicle.actuation() == Actuation::Pose,
         };
         if vehicle.rank() < ROWS {
             allocator.inverse = allocator.ordered_inverse();
@@ -263,7 +271,7 @@ impl Allocator {
         (lower, upper)
     }
 
-    /// Rotor inputs for a body wrench `[force_r; torque_r]`, all rotors sound and no horizon.
+    /// Rotor inputs for a body wrench `[force_r; torque_r]` of a level vehicle, all rotors sound and no horizon.
     ///
     /// Never fails: what is not a number counts as zero.
     #[must_use]
@@ -273,12 +281,18 @@ impl Allocator {
         if within(&inputs, &self.lower, &self.upper) {
             return self.unlimited(&wrench, inputs);
         }
-        self.search(&mut AllocatorState::default(), &wrench, (&self.lower, &self.upper))
+        self.search(&mut AllocatorState::default(), &wrench, None, (&self.lower, &self.upper))
     }
 
-    /// The same, with the rotors' status, started where the last search ended.
+    /// The same in any attitude, with the rotors' status, started where the last search ended.
     #[must_use]
-    pub fn step(&self, state: &mut AllocatorState, wrench: &Vector6, status: &RotorStatus) -> Allocation {
+    pub fn step(
+        &self,
+        state: &mut AllocatorState,
+        wrench: &Vector6,
+        rotation_wr: &Matrix3,
+        status: &RotorStatus,
+    ) -> Allocation {
         let wrench = wrench.map(wanted_component);
         let inputs = self.inverse * wrench + self.offset;
         let (lower, upper) = self.limits(status);
@@ -286,7 +300,7 @@ impl Allocator {
             state.searched = false;
             return self.unlimited(&wrench, inputs);
         }
-        self.search(state, &wrench, (&lower, &upper))
+        self.search(state, &wrench, Some(rotation_wr).filter(|_| self.by_world), (&lower, &upper))
     }
 
     /// What to stay near to; without redundant rotors no two inputs produce the same wrench.
@@ -296,7 +310,7 @@ impl Allocator {
 
     fn unlimited(&self, wrench: &Vector6, inputs: RotorVector) -> Allocation {
         if self.rank < ROWS {
-            return self.report(wrench, inputs, None, 0);
+            return self.report(wrench, inputs, None, None, 0);
         }
         Allocation {
             inputs,
@@ -314,6 +328,7 @@ impl Allocator {
         &self,
         state: &mut AllocatorState,
         wrench: &Vector6,
+        rotation_wr: Option<&Matrix3>,
         limits: (&RotorVector, &RotorVector),
     ) -> Allocation {
         if !state.searched {
@@ -321,9 +336,15 @@ impl Allocator {
             state.inputs = self.hover;
             state.side = [Side::Free; MAX_ROTORS];
         }
-        let iterations = self.levels.solve(state, wrench, limits, self.preferred());
+        let iterations = match rotation_wr {
+            None => self.levels.solve(state, wrench, limits, self.preferred()),
+            Some(r) => {
+                let levels = self.levels.along(r, &self.matrix);
+                levels.solve(state, &turned(r, wrench), limits, self.preferred())
+            }
+        };
         state.searched = true;
-        self.report(wrench, state.inputs, Some(limits), iterations)
+        self.report(wrench, state.inputs, rotation_wr, Some(limits), iterations)
     }
 
     /// The linear map from wrenches to inputs that a search without limits is.
@@ -346,11 +367,13 @@ impl Allocator {
         &self,
         wanted: &Vector6,
         inputs: RotorVector,
+        rotation_wr: Option<&Matrix3>,
         limits: Option<(&RotorVector, &RotorVector)>,
         iterations: u32,
     ) -> Allocation {
         let wrench = self.matrix * inputs;
-        let error = wanted - wrench;
+        let error_r = wanted - wrench;
+        let error = rotation_wr.map_or(error_r, |r| turned(r, &error_r));
         let shortfall =
             Priority::ORDER.map(|p| sqrt(p.rows().iter().filter_map(|r| error.get(*r)).map(|e| e * e).sum()));
         let given_up = self.params.order.into_iter().find(|p| shortfall[*p as usize] > self.tolerance);

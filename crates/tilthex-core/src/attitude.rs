@@ -8,19 +8,22 @@
 //! own section (no torque, the force's own magnitude), whatever its shape, so
 //! that a vehicle with collinear rotors is the extreme case of one with few
 //! lateral forces. The turn moves as the rotors can turn the vehicle (see `turn`):
-//! the attitude, its rate and its acceleration are consistent and continuous.
+//! the attitude, its rate and its acceleration are consistent and continuous. The
+//! turn is about the tool, which stays at its reference (see `about_tool`).
 
+mod about_tool;
 mod cuts;
 mod turn;
 
 use crate::{
-    Error, Vehicle,
+    Error, Vehicle, admittance,
     allocation::{AllocatorState, ForceSection, RotorStatus},
     error::check_range,
     so3,
-    types::{Matrix3, Reference, Vector3},
-    vehicle::Actuation,
+    types::{Matrix3, Reference, Setpoint, Vector3},
+    vehicle::{Actuation, Mounting},
 };
+use about_tool::{AboutTool, Led};
 use cuts::{Plane, Sphere};
 use libm::atan2;
 use turn::TurnFilter;
@@ -101,6 +104,8 @@ pub struct AttitudeSelector {
     /// Least and largest upward force, N, that a turn is chosen for.
     vertical: (f64, f64),
     filter: TurnFilter,
+    tool: Mounting,
+    about_tool: AboutTool,
 }
 
 /// The turn now, and where the last searches ended.
@@ -108,6 +113,7 @@ pub struct AttitudeSelector {
 pub struct AttitudeState {
     /// The turn from the wanted to the chosen attitude.
     pub turn: TurnState,
+    led: Led,
     search: AllocatorState,
     /// Part of the horizontal force that was possible last, in steps.
     part: u16,
@@ -179,7 +185,9 @@ impl AttitudeSelector {
         };
         let vertical =
             ((LEAST_VERTICAL * weight).max(ABOVE_LEAST * farthest(-far)), MOST_VERTICAL * farthest(far));
-        Self { params, section, weight, vertical, filter }
+        let tool = *vehicle.tool();
+        let about_tool = AboutTool::new(&tool.position_r);
+        Self { params, section, weight, vertical, filter, tool, about_tool }
     }
 
     /// The parameters.
@@ -188,23 +196,38 @@ impl AttitudeSelector {
         &self.params
     }
 
+    /// The reference of the centre of mass for one of the tool: in the wanted attitude, at the place where the
+    /// turn so far leads it, `dt` seconds after the last.
+    #[must_use]
+    pub fn reference(&self, state: &mut AttitudeState, tool_reference: &Setpoint, dt: f64) -> Reference {
+        let full = admittance::centre_of_mass_reference(tool_reference, &self.tool);
+        let wanted = if self.params.mode.levels() {
+            admittance::about_tool(tool_reference, &levelled(&full), &self.tool.position_r)
+        } else {
+            full
+        };
+        if !self.params.mode.turns() {
+            return wanted;
+        }
+        self.about_tool.lead(&mut state.led, &wanted, &so3::exp(&state.turn.turn), dt)
+    }
+
     /// The attitude for a wanted force (N, world: what the rotors shall exert)
-    /// and a reference; `dt` is the time since the last call, s.
+    /// and a [reference](Self::reference); `dt` is the time since the last call, s.
     #[must_use]
     pub fn step(
         &self,
         state: &mut AttitudeState,
-        reference: &Reference,
+        wanted: &Reference,
         force_w: &Vector3,
         rotors: &RotorStatus,
         dt: f64,
     ) -> Attitude {
-        let wanted = if self.params.mode.levels() { levelled(reference) } else { *reference };
         if !self.params.mode.turns() {
-            return Attitude { reference: wanted, lead_r: Vector3::zeros(), force_w: *force_w };
+            return Attitude { reference: *wanted, lead_r: Vector3::zeros(), force_w: *force_w };
         }
         let (target, force_w) = self.target(state, &wanted.rotation_wr, force_w, rotors);
-        let turned = self.filter.step(&mut state.turn, &wanted, &target, dt);
+        let turned = self.filter.step(&mut state.turn, wanted, &target, dt);
         Attitude { reference: turned.reference, lead_r: turned.lead_r, force_w }
     }
 

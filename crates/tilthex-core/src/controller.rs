@@ -14,7 +14,7 @@ use crate::{
     free_wrench::{FreeWrenchParams, FreeWrenchState},
     pose_control::{PoseCommand, PoseController, PoseGains},
     rotor_room::RotorRoom,
-    types::{Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
+    types::{Matrix3, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
     vehicle::speeds,
     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
 };
@@ -151,7 +151,8 @@ impl Controller {
         let rotors = RotorStatus { lost, ..RotorStatus::default() };
         let possible = |torque: Vector3| {
             let wrench = Wrench { force: Vector3::new(0.0, 0.0, weight), torque }.to_vector();
-            let found = self.allocator.step(&mut AllocatorState::default(), &wrench, &rotors);
+            let found =
+                self.allocator.step(&mut AllocatorState::default(), &wrench, &Matrix3::identity(), &rotors);
             // Lateral force is a matter of attitude.
             let [roll_pitch, vertical, yaw, _lateral] = found.shortfall;
             roll_pitch.max(vertical).max(yaw) < 1e-4 * weight
@@ -238,9 +239,13 @@ impl Controller {
         };
         let yielded = filter.step(&mut state.admittance, &input.setpoint, &drive, dt);
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
-        let full = centre_of_mass_reference(&yielded.reference, tool);
-        // A turn of the reference does not move it.
-        let mut pose = self.pose.translation(robot, &full);
+        let unturned = if input.fixed_attitude {
+            state.attitude = AttitudeState::default();
+            centre_of_mass_reference(&yielded.reference, tool)
+        } else {
+            self.attitude.reference(&mut state.attitude, &yielded.reference, dt)
+        };
+        let mut pose = self.pose.translation(robot, &unturned);
         let mut force_w = self.wanted_force(&pose, &compensated);
         if let Some([least, most]) = input.unyielding {
             // Less of it all rather than another direction.
@@ -250,10 +255,9 @@ impl Controller {
             force_w.z = force_w.z.max(least).min(most);
         }
         let attitude = if input.fixed_attitude {
-            state.attitude = AttitudeState::default();
-            Attitude { reference: full, lead_r: Vector3::zeros(), force_w }
+            Attitude { reference: unturned, lead_r: Vector3::zeros(), force_w }
         } else {
-            self.attitude.step(&mut state.attitude, &full, &force_w, &rotors, dt)
+            self.attitude.step(&mut state.attitude, &unturned, &force_w, &rotors, dt)
         };
         let robot_reference = attitude.reference;
         let mut asked = robot_reference;
@@ -262,7 +266,8 @@ impl Controller {
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &compensated) }.to_vector();
-        let allocation = self.allocator.step(&mut state.allocator, &wanted_wrench_r, &rotors);
+        let allocation =
+            self.allocator.step(&mut state.allocator, &wanted_wrench_r, &robot.rotation_wr, &rotors);
         ControllerOutput {
             rotor_speeds: speeds(&allocation.inputs),
             wrench_robot: observed,

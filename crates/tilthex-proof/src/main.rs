@@ -19,7 +19,7 @@ use tilthex_core::{
     pose_control::{PoseCommand, PoseController},
     supervisor::{Facts, FaultSet, Phase, Supervisor},
     trajectory::Trajectory,
-    types::RotorVector,
+    types::{Matrix3, RotorVector},
     wrench_observer::{ObserverInput, WrenchObserver, WrenchObserverState},
 };
 use tilthex_link::{
@@ -54,8 +54,14 @@ fn track(b: &PoseController, x: &RobotState, r: &Reference) -> PoseCommand {
 }
 
 #[no_panic]
-fn allocate(b: &Allocator, s: &mut AllocatorState, w: &Vector6, r: &RotorStatus) -> Allocation {
-    b.step(s, w, r)
+fn allocate(
+    b: &Allocator,
+    s: &mut AllocatorState,
+    w: &Vector6,
+    rotation_wr: &Matrix3,
+    r: &RotorStatus,
+) -> Allocation {
+    b.step(s, w, rotation_wr, r)
 }
 
 #[no_panic]
@@ -119,7 +125,7 @@ fn main() {
     black_box(observe as fn(_, _, _, _) -> _);
     black_box(yield_to as fn(_, _, _, _, _) -> _);
     black_box(track as fn(_, _, _) -> _);
-    black_box(allocate as fn(_, _, _, _) -> _);
+    black_box(allocate as fn(_, _, _, _, _) -> _);
     black_box(control as fn(_, _, _, _) -> _);
     black_box(move_on as fn(_, _, _, _, _));
     black_box(sample as fn(_, _) -> _);

@@ -9,7 +9,7 @@ use crate::{
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use tilthex_core::{
-    RobotState, Wrench,
+    Matrix3, RobotState, Wrench,
     admittance::{self, AdmittanceOutput, AdmittanceState},
     allocation::{self, AllocatorState, RotorStatus},
     pose_control::{self, PoseCommand as Command},
@@ -222,13 +222,15 @@ impl Allocator {
     }
 
     /// The rotors' share of a body wrench, (6,), robot: force N, torque N m.
-    /// rotor_speeds: measured, (n,), Hz, for a horizon; lost: rotors, from 0, that stand still.
-    #[pyo3(signature = (wrench, rotor_speeds=None, lost=None))]
+    /// rotor_speeds: measured, (n,), Hz, for a horizon; lost: rotors, from 0, that stand still; rotation: `R_WR`,
+    /// (3, 3), since forces are parted along the world's axes (level if it is not given).
+    #[pyo3(signature = (wrench, rotor_speeds=None, lost=None, rotation=None))]
     fn allocate(
         &self,
         wrench: &Bound<'_, PyAny>,
         rotor_speeds: Option<&Bound<'_, PyAny>>,
         lost: Option<Vec<usize>>,
+        rotation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Allocation> {
         let wrench = convert::vector("wrench", wrench)?;
         let mut status = RotorStatus::default();
@@ -236,7 +238,8 @@ impl Allocator {
             status.speeds = convert::rotors("rotor_speeds", measured, self.count)?;
         }
         status.lost = convert::rotor_set("lost", lost, self.count)?;
-        let found = self.block.step(&mut AllocatorState::default(), &wrench, &status);
+        let rotation_wr = rotation.map_or(Ok(Matrix3::identity()), |r| convert::rotation("rotation", r))?;
+        let found = self.block.step(&mut AllocatorState::default(), &wrench, &rotation_wr, &status);
         Ok(Allocation { found, count: self.count })
     }
 }

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::{
     Vehicle,
-    types::{MAX_ROTORS, RotorVector, Vector6},
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector6, Wrench},
     vehicle::Allocation as Matrix,
 };
 use libm::sqrt;
@@ -40,32 +40,58 @@ impl Levels {
     }
 
     fn new<'a>(vehicle: &Vehicle, groups: impl Iterator<Item = &'a [usize]>) -> Self {
-        let matrix: &Matrix = vehicle.allocation();
         let largest_speed =
             vehicle.rotors().iter().fold(0.0, |m: f64, r| m.max(r.max_speed.abs()).max(r.min_speed.abs()));
-        let input_scale = largest_speed * largest_speed;
-        let mut rows = [[0.0; MAX_ROTORS]; ROWS];
-        let (mut order, mut wrench_scale) = ([0; ROWS], [1.0; ROWS]);
-        let (mut ends, mut count) = ([0; 4], 0);
-        let mut slots = rows.iter_mut().zip(&mut order).zip(&mut wrench_scale);
-        let (largest, mut end) = (matrix.amax(), 0);
+        let (mut order, mut ends, mut count) = ([0; ROWS], [0; 4], 0);
+        let mut places = order.iter_mut();
+        let mut end = 0;
         for (group, slot) in groups.zip(&mut ends) {
-            let norm = |r: usize| sqrt(row(matrix, r).iter().map(|x| x * x).sum());
-            let norm = group.iter().map(|r| norm(*r)).fold(0.0, f64::max);
-            for (r, ((scaled, place), scale)) in group.iter().zip(slots.by_ref()) {
-                *place = *r;
-                // A level that no rotor moves stays zero.
-                if norm > NO_EFFECT * largest {
-                    *scale = norm * input_scale;
-                    *scaled = row(matrix, *r).map(|x| x / norm);
-                }
+            for (row, place) in group.iter().zip(places.by_ref()) {
+                *place = *row;
             }
             end += group.len();
             *slot = end;
             count += 1;
         }
-        let rotor_count = vehicle.rotors().len();
-        Self { rows, order, ends, count, wrench_scale, input_scale, rotor_count }
+        let levels = Self {
+            rows: [[0.0; MAX_ROTORS]; ROWS],
+            order,
+            ends,
+            count,
+            wrench_scale: [1.0; ROWS],
+            input_scale: largest_speed * largest_speed,
+            rotor_count: vehicle.rotors().len(),
+        };
+        levels.with_rows(vehicle.allocation())
+    }
+
+    /// The levels of a [`turned`] wrench; `matrix` is the vehicle's.
+    pub(super) fn along(&self, rotation: &Matrix3, matrix: &Matrix) -> Self {
+        let mut along = *matrix;
+        for mut column in along.column_iter_mut() {
+            let moved = turned(rotation, &column.clone_owned());
+            column.copy_from(&moved);
+        }
+        self.with_rows(&along)
+    }
+
+    fn with_rows(mut self, matrix: &Matrix) -> Self {
+        let largest = matrix.amax();
+        let mut begin = 0;
+        for end in self.ends.iter().take(self.count) {
+            let size = |r: &usize| sqrt(row(matrix, *r).iter().map(|x| x * x).sum());
+            let norm = self.order.iter().take(*end).skip(begin).map(size).fold(0.0, f64::max);
+            let slots = self.order.iter().zip(&mut self.rows).zip(&mut self.wrench_scale);
+            for ((place, scaled), scale) in slots.take(*end).skip(begin) {
+                // A level that no rotor moves stays zero.
+                if norm > NO_EFFECT * largest {
+                    *scale = norm * self.input_scale;
+                    *scaled = row(matrix, *place).map(|x| x / norm);
+                }
+            }
+            begin = *end;
+        }
+        self
     }
 
     /// Searches from and to `state`; returns the steps it took.
@@ -113,6 +139,12 @@ impl Levels {
         }
         solution.iterations
     }
+}
+
+/// A wrench `[force; torque]` with the force along the axes to which a rotation maps.
+pub(super) fn turned(rotation: &Matrix3, wrench: &Vector6) -> Vector6 {
+    let wrench = Wrench::from_vector(wrench);
+    Wrench { force: rotation * wrench.force, ..wrench }.to_vector()
 }
 
 /// One row of the allocation matrix.

@@ -1,5 +1,5 @@
 use super::*;
-use crate::vehicle::{Mounting, Rotor, tests::tilt_hex};
+use crate::vehicle::{Actuation, Mounting, Rotor, tests::tilt_hex};
 use crate::{Matrix3, Vector3};
 use proptest::prelude::*;
 use std::vec::Vec;
@@ -68,9 +68,22 @@ impl Wanted {
     }
 }
 
-fn cost(vehicle: &Vehicle, wanted: &Vector6, inputs: &RotorVector, order: &[Priority; 4]) -> Vec<f64> {
-    let error = wanted - vehicle.allocation() * inputs;
+/// The errors of the parts: forces along the world's axes, for a vehicle that has one along each of its own.
+fn cost(
+    vehicle: &Vehicle,
+    r: &Matrix3,
+    wanted: &Vector6,
+    inputs: &RotorVector,
+    order: &[Priority; 4],
+) -> Vec<f64> {
+    let error_r = wanted - vehicle.allocation() * inputs;
+    let by_world = vehicle.actuation() == Actuation::Pose;
+    let error = if by_world { turned(r, &error_r) } else { error_r };
     order.iter().map(|p| p.rows().iter().map(|r| error[*r].powi(2)).sum::<f64>().sqrt()).collect()
+}
+
+fn attitude() -> impl Strategy<Value = Matrix3> {
+    prop::array::uniform3(-3.0..3.0f64).prop_map(|v| crate::so3::exp(&Vector3::from(v)))
 }
 
 fn order() -> impl Strategy<Value = [Priority; 4]> {
@@ -105,19 +118,19 @@ proptest! {
     /// No inputs are better in the order of priorities: not the clip, not small changes.
     #[test]
     fn no_other_inputs_are_better(
-        v in vehicle(), w in wrench(), order in order(),
+        v in vehicle(), w in wrench(), order in order(), r in attitude(),
         turn in prop::array::uniform12(-1.0..1.0f64), size in -6.0..0.0f64,
     ) {
         let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
         let wanted = w.of(&v, &a).map(wanted_component);
         prop_assume!(wanted.amax() < 1e6);
-        let out = a.allocate(&wanted);
-        let best = cost(&v, &wanted, &out.inputs, &order);
+        let out = a.step(&mut AllocatorState::default(), &wanted, &r, &RotorStatus::default());
+        let best = cost(&v, &r, &wanted, &out.inputs, &order);
         let clip = v.allocation_inverse() * wanted;
         let moved = out.inputs + RotorVector::from(turn) * a.upper.amax() * libm::pow(10.0, size);
         for other in [clip, moved, a.hover] {
             let other = other.sup(&a.lower).inf(&a.upper);
-            for (mine, theirs) in best.iter().zip(cost(&v, &wanted, &other, &order)) {
+            for (mine, theirs) in best.iter().zip(cost(&v, &r, &wanted, &other, &order)) {
                 let tolerance = 1e-8 * (1.0 + wanted.amax());
                 prop_assert!(theirs > mine - tolerance, "{best:?} {theirs} {out:?}");
                 if theirs > *mine { break; }
@@ -126,23 +139,25 @@ proptest! {
     }
 
     #[test]
-    fn a_warm_start_changes_nothing(v in vehicle(), before in wrench(), w in wrench()) {
+    fn a_warm_start_changes_nothing(v in vehicle(), before in wrench(), w in wrench(), r in attitude(), turn in attitude()) {
         let a = Allocator::new(&v);
         let status = RotorStatus::default();
         let mut state = AllocatorState::default();
-        let _ = a.step(&mut state, &before.of(&v, &a), &status);
+        let _ = a.step(&mut state, &before.of(&v, &a), &(r * turn), &status);
         let wanted = w.of(&v, &a).map(wanted_component);
         prop_assume!(wanted.amax() < 1e6);
-        let (warm, cold) = (a.step(&mut state, &wanted, &status), a.allocate(&wanted));
+        let warm = a.step(&mut state, &wanted, &r, &status);
+        let cold = a.step(&mut AllocatorState::default(), &wanted, &r, &status);
         let tolerance = 1e-7 * (1.0 + wanted.amax());
         prop_assert!((warm.wrench - cold.wrench).amax() < tolerance, "{warm:?} {cold:?}");
         prop_assert!(warm.iterations <= MAX_ITERATIONS);
     }
 
     #[test]
-    fn a_lost_rotor_stands_still(v in vehicle(), w in wrench(), lost in 0..4096u16) {
+    fn a_lost_rotor_stands_still(v in vehicle(), w in wrench(), lost in 0..4096u16, r in attitude()) {
         let a = Allocator::new(&v);
-        let out = a.step(&mut AllocatorState::default(), &w.of(&v, &a), &RotorStatus { lost, ..Default::default() });
+        let status = RotorStatus { lost, ..Default::default() };
+        let out = a.step(&mut AllocatorState::default(), &w.of(&v, &a), &r, &status);
         for i in 0..MAX_ROTORS {
             prop_assert!(lost >> i & 1 == 0 || out.inputs[i] == 0.0);
         }
@@ -156,7 +171,7 @@ proptest! {
         let a = Allocator::with_params(&v, AllocatorParams { horizon, ..Default::default() }).unwrap();
         let mut status = RotorStatus::default();
         status.speeds.rows_mut(0, 6).copy_from_slice(&now);
-        let out = a.step(&mut AllocatorState::default(), &w.of(&v, &a), &status);
+        let out = a.step(&mut AllocatorState::default(), &w.of(&v, &a), &Matrix3::identity(), &status);
         let reached = |now: f64, limit: f64| limit + (now - limit) * libm::exp(-horizon / 0.03);
         for (u, now) in out.inputs.iter().zip(now) {
             let speed = libm::sqrt(*u);

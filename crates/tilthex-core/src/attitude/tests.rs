@@ -121,6 +121,57 @@ proptest! {
         }
     }
 
+    /// A turn ends with the tool where its reference is, which may move; velocity and acceleration are the derivatives.
+    #[test]
+    fn the_tool_stays_where_it_is_told(
+        lever in prop::array::uniform3(-0.5..0.5f64), turn in prop::array::uniform3(-0.8..0.8f64),
+        r in rotation(), spin in prop::array::uniform3(-1.0..1.0f64),
+    ) {
+        let (lever, spin) = (Vector3::from(lever), Vector3::from(spin));
+        let filter = AboutTool::new(&lever);
+        let (mut led, turn, dt) = (Led::default(), so3::exp(&Vector3::from(turn)), 0.002);
+        let tool = Vector3::new(1.0, 2.0, 3.0);
+        let mut at = |k: i32| {
+            let rotation_wr = r * so3::exp(&(spin * f64::from(k) * dt));
+            let attitude = Reference { angular_velocity_r: spin, ..Reference::hold(tool, rotation_wr) };
+            let wanted = admittance::about_tool(&Setpoint::hold(tool, rotation_wr), &attitude, &lever);
+            filter.lead(&mut led, &wanted, &turn, dt)
+        };
+        let mut last = at(0);
+        for k in 1..(16.0 / filter.rate / dt) as i32 {
+            let next = at(k);
+            let velocity = (next.position_w - last.position_w) / dt - 0.5 * (next.velocity_w + last.velocity_w);
+            let gained = (next.velocity_w - last.velocity_w) / dt;
+            let acceleration = gained - 0.5 * (next.acceleration_w + last.acceleration_w);
+            prop_assert!(velocity.norm() < 1e-3 && acceleration.norm() < 0.02, "{k} {velocity} {acceleration}");
+            last = next;
+        }
+        let end = last.position_w + last.rotation_wr * turn * lever;
+        prop_assert!((end - tool).norm() < 1e-4, "{end}");
+    }
+
+    /// Leading the centre of mass never takes more force than 0.57 of what the turn gives: the filter's impulse
+    /// response, integrated without its sign, is `(2 + 2 / e^2) w^2`.
+    #[test]
+    fn leading_takes_less_than_a_turn_gives(
+        lever in prop::array::uniform3(-0.5..0.5f64), angles in prop::collection::vec(-0.6..0.6f64, 30), dt in 0.001..0.01f64,
+    ) {
+        let lever = Vector3::from(lever);
+        prop_assume!(lever.norm() > 0.02);
+        let filter = AboutTool::new(&lever);
+        let axis = lever.cross(&Vector3::new(0.3, -0.5, 0.7)).normalize();
+        let wanted = Reference::hold(Vector3::zeros(), Matrix3::identity());
+        let (mut led, mut most) = (Led::default(), 0.0f64);
+        for angle in &angles {
+            for _ in 0..(0.5 / dt) as usize {
+                let led = filter.lead(&mut led, &wanted, &so3::exp(&(axis * *angle)), dt);
+                most = most.max(led.acceleration_w.norm());
+            }
+        }
+        let largest = angles.iter().fold(0.0, |m: f64, a| m.max(a.abs()));
+        prop_assert!(most < 0.57 * crate::GRAVITY * largest, "{most} {largest}");
+    }
+
     /// Whatever the target, the turn keeps its limits, is what lagging rotors make of it, and arrives.
     #[test]
     fn a_turn_keeps_its_limits_and_arrives(target in prop::array::uniform3(-1.5..1.5f64), bandwidth in 2.0..500.0f64, dt in 0.001..0.02f64) {
@@ -191,9 +242,10 @@ fn a_level_attitude_keeps_the_heading() {
     let params = AttitudeParams { mode: AttitudeMode::ZeroTilt, ..AttitudeParams::default() };
     let s = AttitudeSelector::new(&tilt_hex(), params).unwrap();
     let r = so3::rot_z(0.7) * so3::rot_y(0.3) * so3::rot_x(-0.2);
-    let reference = Reference::hold(Vector3::zeros(), r);
+    let mut state = AttitudeState::default();
+    let reference = s.reference(&mut state, &Setpoint::hold(Vector3::zeros(), r), 0.002);
     let force = Vector3::new(30.0, 0.0, 20.0);
-    let out = s.step(&mut AttitudeState::default(), &reference, &force, &RotorStatus::default(), 0.002);
+    let out = s.step(&mut state, &reference, &force, &RotorStatus::default(), 0.002);
     assert!((out.reference.rotation_wr - so3::rot_z(0.7)).amax() < 1e-12);
     assert_eq!(out.force_w, force);
     let refused = AttitudeSelector::new(&collinear(), params).unwrap_err();

@@ -43,7 +43,9 @@ use crate::{
     Error, Vehicle,
     admittance::AdmittanceState,
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
+    error::check_range,
     estimator::{Estimator, EstimatorParams, StartError},
+    plant::LARGEST_ROTOR_SPEED_AGE,
     supervisor::{Facts, Fault, Phase, Supervisor, limits::LINE_LATE},
     types::{RotorVector, Setpoint, Vector3},
 };
@@ -75,6 +77,9 @@ pub struct FlightParams {
     pub watch: WatchParams,
     /// Take off as soon as everything is ready, without a command.
     pub take_off: bool,
+    /// How much older a measured rotor speed is than an inertial sample that arrives with it, s. Above 0 the rotors'
+    /// model brings the speeds to the sample's time, the wait for the next measurement included.
+    pub rotor_speed_age: f64,
 }
 
 /// Periods longer than this are cut for the laws' integrators, s.
@@ -146,6 +151,7 @@ impl Flight {
             min_speeds[i] = rotor.min_speed;
             max_speeds[i] = rotor.max_speed;
         }
+        check_range("rotor_speed_age", params.rotor_speed_age, 0.0, LARGEST_ROTOR_SPEED_AGE)?;
         Ok(Self {
             controller: Controller::new(vehicle, params.controller)?,
             slow_controller: Controller::new(vehicle, late::slowed(&params.controller))?,
@@ -161,7 +167,7 @@ impl Flight {
             route,
             watch: Watch::new(params.watch),
             supervisor: Supervisor::default(),
-            rotor_model: RotorModel::new(&vehicle),
+            rotor_model: RotorModel::new(&vehicle, params.rotor_speed_age),
             min_speeds,
             max_speeds,
             command: RotorVector::zeros(),
@@ -234,7 +240,8 @@ impl Flight {
         let dt = period.min(LONGEST_STEP);
         self.rotor_model.set_garbled(self.supervisor.active().contains(Fault::LinkGarbage));
         self.rotor_model.step(&self.command, !input.host.link_lost, period);
-        let rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now);
+        let sampled = input.telemetry.inertial.samples().last().map_or(now, |s| s.time.min(now));
+        let rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now, sampled);
         let before = self.robot_state();
         self.estimate(input, &rotor_speeds, dt);
         self.absorb_jump(&before, dt);

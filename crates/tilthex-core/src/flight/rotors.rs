@@ -5,7 +5,7 @@ use super::Motor;
 use crate::{
     Vehicle,
     filters::lag_fraction,
-    plant::ImuSample,
+    plant::{ImuSample, Past},
     supervisor::limits::{MOTORS_FRESH, STOPPED, VEHICLE_WATCHDOG, WRONG_SPEED},
     types::{RobotState, RotorVector, Vector3, Wrench},
 };
@@ -31,12 +31,16 @@ pub(super) struct RotorModel {
     garbled: bool,
     /// Bit `i` is set where motor `i` (from 0) is not believed.
     doubted: u16,
+    /// How much older a measured speed is than what arrives with it, s; 0 where speeds are taken as they come.
+    age: f64,
+    /// What was expected; kept where speeds are brought to another time.
+    past: Past,
 }
 
 impl RotorModel {
     /// Rotors at rest.
     #[must_use]
-    pub(super) fn new(vehicle: &Vehicle) -> Self {
+    pub(super) fn new(vehicle: &Vehicle, age: f64) -> Self {
         let constant = vehicle.rotor_time_constant();
         let zero = RotorVector::zeros();
         let mut lowest = zero;
@@ -53,6 +57,8 @@ impl RotorModel {
             gain: RotorVector::repeat(1.0),
             garbled: false,
             doubted: 0,
+            age,
+            past: Past::default(),
         }
     }
 
@@ -72,6 +78,9 @@ impl RotorModel {
             }
         }
         self.expected += (self.reached - self.expected) * lag_fraction(self.rate, dt);
+        if self.age > 0.0 {
+            self.past.push(&self.expected, dt);
+        }
     }
 
     /// Whether what is heard of motors is to be believed from now on.
@@ -113,14 +122,23 @@ impl RotorModel {
         wanted.component_div(&self.gain)
     }
 
-    /// Measured speeds, Hz, with the model in the place of old ones.
+    /// Measured speeds, Hz, at the time `at` of an inertial sample, s, with the model in the place of old ones.
+    ///
+    /// Where their age is known, what the model expects to have changed between the two times is added.
     #[must_use]
-    pub(super) fn speeds(&self, motors: &[Motor], now: f64) -> RotorVector {
+    pub(super) fn speeds(&self, motors: &[Motor], now: f64, at: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();
         let model = self.expected.iter().zip(self.gain.iter());
+        let expected_at = |age: f64, i: usize| self.past.at(age).and_then(|w| w.get(i).copied());
         for (i, ((speed, (expected, gain)), motor)) in speeds.iter_mut().zip(model).zip(motors).enumerate() {
             let believed = self.doubted >> i & 1 == 0 && self.is_measured(motor, now);
-            *speed = if believed { motor.speed } else { expected * gain };
+            let changed = |(later, earlier): (f64, f64)| gain * (later - earlier);
+            *speed = if believed {
+                let since = expected_at(now - at, i).zip(expected_at(now - motor.heard + self.age, i));
+                motor.speed + since.map_or(0.0, changed)
+            } else {
+                expected * gain
+            };
         }
         speeds
     }
