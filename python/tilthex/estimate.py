@@ -243,7 +243,7 @@ def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
 
 def _estimate(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
-    recording = Recording.from_file(arguments.recording, config)
+    recording = _recording(arguments, config)
     fed = recording
     if arguments.every > 1:
         fed = recording.select(np.arange(len(recording.pose_time)) % arguments.every == 0)
@@ -260,7 +260,11 @@ def _estimate(arguments: argparse.Namespace) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> None:
     config = _config(arguments)
-    print(calibrate(Recording.from_file(arguments.recording, config), config))
+    print(calibrate(_recording(arguments, config), config))
+
+
+def _recording(arguments: argparse.Namespace, config: _core.Config) -> Recording:
+    return Recording.from_file(arguments.recording, config, imu=arguments.imu, poses=arguments.poses)
 
 
 def _config(arguments: argparse.Namespace) -> _core.Config:
@@ -279,7 +283,13 @@ def add_parser(commands: Any) -> None:
     calibration = commands.add_parser("calibrate", help="find the captured body's place on the robot")
     calibration.set_defaults(run=_calibrate)
     for parser in (estimate, calibration):
-        parser.add_argument("recording", type=Path, help="a log of tilthex-rt (.mcap) or a table (.csv)")
+        parser.add_argument(
+            "recording",
+            type=Path,
+            help="a log of tilthex-rt, or another recording (.mcap, .csv, .mat, .ulg, a ROS 2 bag)",
+        )
+        parser.add_argument("--imu", metavar="TOPIC", help="where the inertial samples are, if in doubt")
+        parser.add_argument("--poses", metavar="TOPIC|FILE", help="where the poses are, if in doubt")
         parser.add_argument(
             "--config", type=Path, metavar="FILE.toml", help="the configuration (default: tilt-hex)"
         )

@@ -30,6 +30,10 @@ GROUNDED = ("disarmed", "starting", "grounded")
 """Phases with the vehicle on the ground. The others: flying, holding, landing, emergency."""
 
 
+class NotALog(ValueError):
+    """A sound MCAP file that another program has written."""
+
+
 class LogCut(UserWarning):
     """A log that breaks off, and what is missing of it."""
 
@@ -93,7 +97,7 @@ class Log:
                     f"{path} breaks off after {size} bytes, before the configuration that a log begins with: "
                     "nothing can be read"
                 )
-            raise ValueError(
+            raise NotALog(
                 f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: "
                 "no configuration (config.toml) is attached"
             )

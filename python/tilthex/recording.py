@@ -1,9 +1,8 @@
-"""Recorded inertial samples and poses, from logs of tilthex-rt (MCAP) and from CSV."""
+"""Recorded inertial samples and poses: logs of tilthex-rt, and of other programs (docs/recordings.md)."""
 
 from __future__ import annotations
 
-import csv
-from collections.abc import Iterable
+import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import _core
-from tilthex.log import Log
+from tilthex import _core, readers
+from tilthex.log import Log, NotALog
+from tilthex.readers.columns import QUANTITIES, Stream
 
 Array = NDArray[np.float64]
 
-_IMU = ("gyro_x", "gyro_y", "gyro_z", "force_x", "force_y", "force_z")
-_POSITION = ("position_x", "position_y", "position_z")
-_QUATERNION = ("quaternion_x", "quaternion_y", "quaternion_z", "quaternion_w")
+NEAR = 0.01
+"""Quaternions and matrices this near to a rotation are made one; others are refused."""
 
 
 @dataclass(frozen=True)
@@ -38,18 +37,26 @@ class Recording:
     pose_arrival_time: Array
 
     @staticmethod
-    def from_file(path: Path | str, config: _core.Config) -> Recording:
-        """Reads an MCAP log of tilthex-rt or a CSV file, as the name's ending says.
+    def from_file(
+        path: Path | str, config: _core.Config, *, imu: str | None = None, poses: str | None = None
+    ) -> Recording:
+        """Reads a log of tilthex-rt, or what another program has recorded: docs/recordings.md.
+
+        Args:
+            path: The file: .mcap, .csv, .mat, .ulg, or the folder of a ROS 2 bag.
+            config: The configuration; a log of tilthex-rt is read with its link.
+            imu: The topic of the inertial samples, where several have some.
+            poses: The topic of the poses, or another file that holds them.
 
         Raises:
-            ValueError: The file is neither, or lacks what is needed.
+            ValueError: The file lacks what is needed, with what it has.
         """
         path = Path(path)
-        readers = {".mcap": _read_mcap, ".csv": _read_csv}
-        reader = readers.get(path.suffix.lower())
-        if reader is None:
-            raise ValueError(f"{path} ends in '{path.suffix}'; expected a log (.mcap) or a table (.csv)")
-        recording = reader(path, config)
+        recording = None
+        if path.suffix.lower() == ".mcap" and path.is_file():
+            with contextlib.suppress(NotALog):
+                recording = _read_log(path, config)
+        recording = recording or _read_streams(path, imu, poses)
         if len(recording.imu_time) < 2 or len(recording.pose_time) < 2:
             found = f"{len(recording.imu_time)} inertial samples and {len(recording.pose_time)} poses"
             raise ValueError(f"{path} holds {found}; expected at least 2 of each")
@@ -93,39 +100,10 @@ def rotations_from_quaternions(xyzw: Array) -> Array:
     return np.moveaxis(np.array(rows), 2, 0)
 
 
-def _read_csv(path: Path, _: _core.Config) -> Recording:
-    """One row an event: `time` and the columns of a sample, of a pose, or of both; the others stay empty.
-
-    A column `arrival` says when the pose came; without it poses are there when they are taken.
-    """
-    with path.open(newline="") as file:
-        reader = csv.DictReader(file)
-        columns = reader.fieldnames or []
-        needed = ("time", *_IMU, *_POSITION, *_QUATERNION)
-        missing = [name for name in needed if name not in columns]
-        if missing:
-            raise ValueError(f"{path} has no column '{missing[0]}'; expected {', '.join(needed)}")
-        samples: list[list[float]] = []
-        poses: list[list[float]] = []
-        for line, row in enumerate(reader, start=2):
-            _read_row(f"{path}, line {line}", row, samples, poses)
-    return _assemble(samples, poses)
-
-
-def _read_row(place: str, row: dict[str, str], samples: list[list[float]], poses: list[list[float]]) -> None:
-    try:
-        time = float(row["time"])
-        if row["gyro_x"]:
-            samples.append([time, *(float(row[name]) for name in _IMU)])
-        if row["position_x"]:
-            arrival = float(row.get("arrival") or time)
-            poses.append([time, arrival, *(float(row[name]) for name in (*_POSITION, *_QUATERNION))])
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{place}: {error}") from None
-
-
-def _read_mcap(path: Path, config: _core.Config) -> Recording:
-    times, chunks, poses = [], [], []
+def _read_log(path: Path, config: _core.Config) -> Recording:
+    """A log of tilthex-rt."""
+    times, chunks = [], []
+    poses: list[list[float]] = []
     for _, tick in Log(path).messages("/input"):
         times.append(tick.time)
         chunks.append(bytes(tick.link))
@@ -133,15 +111,138 @@ def _read_mcap(path: Path, config: _core.Config) -> Recording:
             if pose.tracking_valid:
                 p = pose.position_w
                 poses.append([pose.time, pose.arrival, p.x, p.y, p.z, *pose.rotation])
-    samples = _core.read_imu(config, times, chunks)
-    return _assemble(samples, poses)
+    imu = _core.read_imu(config, times, chunks)
+    pose = np.asarray(poses, dtype=float).reshape(-1, 14)
+    return _assemble(imu, pose[:, 0], pose[:, 1], pose[:, 2:5], pose[:, 5:].reshape(-1, 3, 3))
 
 
-def _assemble(samples: Iterable[Iterable[float]] | Array, poses: list[list[float]]) -> Recording:
-    imu = np.asarray(samples, dtype=float).reshape(-1, 7)
+def _read_streams(path: Path, imu_name: str | None, poses_name: str | None) -> Recording:
+    """What another program has recorded."""
+    streams = readers.read(path)
+    others = readers.read(Path(poses_name)) if poses_name and Path(poses_name).exists() else None
+    inertial = _chosen(path, streams, "inertial samples", "--imu", imu_name, ("gyro", "force"))
+    name = None if others else poses_name
+    pose = _chosen(
+        path,
+        others or streams,
+        "poses",
+        "--poses",
+        name,
+        ("position", "quaternion"),
+        ("position", "rotation"),
+    )
+    samples = _rows(inertial, ("gyro", "force"))
+    imu = np.column_stack([samples[1]["time"], *samples[1]["gyro"].T, *samples[1]["force"].T])
+    try:
+        _core.question_units(imu[:, 0], imu[:, 1:4], imu[:, 4:7])
+    except ValueError as error:
+        raise ValueError(
+            f"{inertial.place}: {error}: say the unit in the column's name, "
+            "such as 'time [ns]' or 'gyro_x [deg/s]'"
+        ) from None
+    turning = "quaternion" if len(pose.find("quaternion")) == 4 else "rotation"
+    kept, found = _rows(pose, ("position", turning))
+    turn = found[turning]
+    rotation = (
+        _from_quaternions(pose, kept, turn) if turning == "quaternion" else _from_matrices(pose, kept, turn)
+    )
+    time = found["time"]
+    arrival = pose.find("arrival").get("", np.full(len(pose.find("time")[""]), np.nan))[kept]
+    recording = _assemble(
+        imu, time, np.where(np.isfinite(arrival), arrival, time), found["position"], rotation
+    )
+    _question_clocks(path, recording)
+    return recording
+
+
+def _question_clocks(path: Path, recording: Recording) -> None:
+    """Refuses inertial samples and poses that have no time in common."""
+    if len(recording.imu_time) and len(recording.pose_time):
+        ranges = [(float(t.min()), float(t.max())) for t in (recording.imu_time, recording.pose_time)]
+        if max(r[0] for r in ranges) > min(r[1] for r in ranges):
+            said = " and ".join(f"{begin:.9g} to {end:.9g} s" for begin, end in ranges)
+            raise ValueError(
+                f"{path}: inertial samples and poses are of {said}, which have no time in common; "
+                "expected one clock and one unit (say it in the column's name, such as 'time [ns]')"
+            )
+
+
+def _chosen(
+    path: Path, streams: list[Stream], what: str, option: str, name: str | None, *needed: tuple[str, ...]
+) -> Stream:
+    """The stream that holds what is needed, whole: the one that is named, or the only one."""
+    if name is not None:
+        named = [stream for stream in streams if stream.place.endswith(name)]
+        if not named:
+            raise ValueError(f"{path} has no '{name}'; it has {_places(streams)}")
+        streams = named
+    lacks = [(min((_missing(stream, kind) for kind in needed), key=len), stream) for stream in streams]
+    whole = [stream for missing, stream in lacks if not missing]
+    if len(whole) > 1:
+        raise ValueError(f"{path} holds {what} in {_places(whole)}: name one with {option}")
+    if whole:
+        return whole[0]
+    if len(streams) == 1 and streams[0].rows[0] == "line":
+        kinds = " or ".join(", ".join(_names(kind)) for kind in needed)
+        raise ValueError(f"{streams[0].place} has no column '{lacks[0][0][0]}'; expected {kinds}")
+    no_log = "is no log of tilthex-rt, and " if path.suffix == ".mcap" else ""
+    raise ValueError(f"{path} {no_log}holds no {what} with their usual names; it has {_places(streams)}")
+
+
+def _places(streams: list[Stream]) -> str:
+    return ", ".join(stream.place.rpartition(", ")[2] for stream in streams) or "nothing"
+
+
+def _names(kind: tuple[str, ...]) -> list[str]:
+    return ["time", *(f"{quantity}_{axis}" for quantity in kind for axis in QUANTITIES[quantity].axes)]
+
+
+def _missing(stream: Stream, kind: tuple[str, ...]) -> list[str]:
+    """The columns that a stream lacks."""
+    found = {f"{quantity}_{axis}" for quantity in kind for axis in stream.find(quantity)}
+    return [name for name in _names(kind) if name not in found | ({"time"} if stream.find("time") else set())]
+
+
+def _rows(stream: Stream, kind: tuple[str, ...]) -> tuple[NDArray[np.int64], dict[str, Array]]:
+    """The numbers of the rows that hold something, and the quantities there: time (n,), others (n, axes)."""
+    time = stream.find("time")[""]
+    columns = {}
+    for quantity in kind:
+        found = stream.find(quantity)
+        columns[quantity] = np.column_stack([found[axis] for axis in QUANTITIES[quantity].axes])
+    given = np.isfinite(np.column_stack(list(columns.values())))
+    kept = np.flatnonzero(given.any(axis=1))
+    for row in kept[~given[kept].all(axis=1) | ~np.isfinite(time[kept])]:
+        empty = [name for name, there in zip(_names(kind)[1:], given[row], strict=True) if not there]
+        raise ValueError(f"{stream.place}, {stream.row(row)} has no number for {(empty or ['time'])[0]}")
+    return kept, {"time": time[kept], **{name: values[kept] for name, values in columns.items()}}
+
+
+def _from_quaternions(stream: Stream, rows: NDArray[np.int64], xyzw: Array) -> Array:
+    """Rotations; a quaternion of zeros is a body that was not seen."""
+    norm = np.linalg.norm(xyzw, axis=1)
+    for row in np.flatnonzero((norm > 0) & (abs(norm - 1) > NEAR))[:1]:
+        place = f"{stream.place}, {stream.row(rows[row])}"
+        raise ValueError(f"{place}: the quaternion {np.round(xyzw[row], 6).tolist()} is not of unit length")
+    return rotations_from_quaternions(xyzw)
+
+
+def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Array:
+    """The nearest rotations of matrices that are rotations but for their rounding."""
+    matrices = flat.reshape(-1, 3, 3)
+    u, stretch, v = np.linalg.svd(matrices)
+    off = np.max(abs(stretch - 1), axis=1, initial=0.0)
+    wrong = (off > NEAR) | (np.linalg.det(matrices) < 0)
+    for row in np.flatnonzero(wrong)[:1]:
+        raise ValueError(
+            f"{stream.place}, {stream.row(rows[row])}: the matrix is no rotation (it is {off[row]:.1e} away, "
+            f"determinant {np.linalg.det(matrices[row]):.3g}); expected an orthonormal one of determinant +1"
+        )
+    rotation: Array = u @ v
+    return rotation
+
+
+def _assemble(imu: Array, taken: Array, arrival: Array, position: Array, rotation: Array) -> Recording:
+    """In the order of time, without samples that are there twice."""
     imu = imu[np.unique(imu[:, 0], return_index=True)[1]]
-    width = len(poses[0]) if poses else 14
-    pose = np.asarray(poses, dtype=float).reshape(-1, width)
-    turns = pose[:, 5:]
-    rotation = turns.reshape(-1, 3, 3) if width == 14 else rotations_from_quaternions(turns)
-    return Recording(imu[:, 0], imu[:, 1:4], imu[:, 4:7], pose[:, 0], pose[:, 2:5], rotation, pose[:, 1])
+    return Recording(imu[:, 0], imu[:, 1:4], imu[:, 4:7], taken, position, rotation, arrival)

@@ -1,6 +1,7 @@
 //! Readings that look like other units than those that are expected.
 
-use pyo3::{PyResult, exceptions::PyValueError};
+use crate::convert;
+use pyo3::{exceptions::PyValueError, prelude::*};
 
 /// The fastest gyro turns at 2000 degrees per second, 35 rad/s.
 const FASTEST: f64 = 40.0;
@@ -37,4 +38,16 @@ fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let place = (share * values.len() as f64) as usize;
     values.get(place.min(values.len().saturating_sub(1))).copied()
+}
+
+/// Asks where times (s), rates (rad/s) or specific forces (m/s^2) can hardly be in these units.
+#[pyfunction]
+pub(crate) fn question_units(
+    imu_time: &Bound<'_, PyAny>,
+    gyro: &Bound<'_, PyAny>,
+    specific_force: &Bound<'_, PyAny>,
+) -> PyResult<()> {
+    let time = convert::rows("imu_time", imu_time, None, &[])?;
+    let gyro = convert::rows("gyro", gyro, Some(time.len()), &[3])?;
+    question(&time, &gyro, &convert::rows("specific_force", specific_force, Some(time.len()), &[3])?)
 }

@@ -1,0 +1,173 @@
+"""Messages of other programs: MCAP files (JSON, protobuf, ROS 2) and ROS 2 bags."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tilthex import _mcap
+from tilthex.readers.columns import Stream
+
+LARGEST_ARRAY = 64
+"""Longer lists in a message are no measurements of one moment."""
+
+
+def read_mcap(path: Path) -> list[Stream]:
+    """Each topic of an MCAP file whose messages are JSON, protobuf or ROS 2 (cdr).
+
+    Raises:
+        ValueError: The file is damaged, or none of its topics can be read.
+    """
+    log = _mcap.read(path)
+    streams, unread = [], []
+    for number, channel in log.channels.items():
+        decode = _decoder(path, channel)
+        if decode is None:
+            unread.append(f"{channel.topic} ({channel.encoding} {channel.schema[0]})")
+            continue
+        messages = ((time, decode(data)) for _, time, data in log.messages([number]))
+        streams.append(_stream(f"{path}, {channel.topic}", messages))
+    if not streams:
+        what = ", ".join(unread) if unread else "no topic at all"
+        raise ValueError(
+            f"{path} is no log of tilthex-rt, and holds {what}; "
+            "expected messages in JSON, protobuf or ROS 2's cdr"
+        )
+    return streams
+
+
+def read_bag(path: Path) -> list[Stream]:
+    """Each topic of a ROS 2 bag: its folder, or one of its files.
+
+    Raises:
+        ValueError: It is no bag.
+    """
+    if path.is_file():
+        path = path.parent
+    if not (path / "metadata.yaml").exists():
+        raise ValueError(f"{path} is no ROS 2 bag: it holds no metadata.yaml")
+    rosbags = _rosbags()
+    with _said(path), rosbags.AnyReader([path], default_typestore=_typestore()) as reader:
+        streams = []
+        for connection in reader.connections:
+            messages = (
+                (time, _fields(reader.deserialize(data, connection.msgtype)))
+                for _, time, data in reader.messages([connection])
+            )
+            streams.append(_stream(f"{path}, {connection.topic}", messages))
+        return streams
+
+
+def _rosbags() -> Any:
+    try:
+        from rosbags import highlevel
+    except ImportError as error:
+        raise ImportError("reading messages of ROS 2 needs rosbags: pip install 'tilthex[logs]'") from error
+    return highlevel
+
+
+def _typestore() -> Any:
+    _rosbags()
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+class _said:
+    """What rosbags refuses, as a sentence."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Any, error: BaseException | None, _: Any) -> None:
+        if error is not None and type(error).__module__.startswith("rosbags"):
+            raise ValueError(f"{self._path} is no ROS 2 bag that can be read: {error}") from error
+
+
+def _decoder(path: Path, channel: _mcap.Channel) -> Callable[[bytes], Any] | None:
+    """What turns the bytes of a channel's messages into nested fields."""
+    name, encoding, data = channel.schema
+    if channel.encoding == "json":
+        return json.loads
+    if channel.encoding == "protobuf" and encoding == "protobuf":
+        from mcap.records import Schema
+        from mcap_protobuf.decoder import DecoderFactory
+
+        found = DecoderFactory().decoder_for(
+            "protobuf", Schema(id=1, name=name, encoding=encoding, data=data)
+        )
+        return found and (lambda message: _fields(found(message)))
+    if channel.encoding == "cdr":
+        store = _typestore()
+        if name in store.types:
+            return lambda message: _fields(store.deserialize_cdr(message, name))
+    return None
+
+
+def _fields(message: Any) -> Any:
+    """A message as nested dictionaries and lists."""
+    if hasattr(message, "DESCRIPTOR"):
+        return {field.name: _fields(getattr(message, field.name)) for field in message.DESCRIPTOR.fields}
+    if hasattr(message, "__dataclass_fields__"):
+        return {
+            name: _fields(getattr(message, name))
+            for name in message.__dataclass_fields__
+            if name != "__msgtype__"
+        }
+    if isinstance(message, np.ndarray):
+        return message.tolist()
+    return message
+
+
+def _stream(place: str, messages: Iterable[tuple[int, Any]]) -> Stream:
+    """The numbers of messages as columns, named by their path with points between.
+
+    The time is the message's own stamp, where it has one; `arrival` is then when it was logged, where both
+    are of one clock.
+    """
+    logged: list[float] = []
+    rows: list[dict[str, float]] = []
+    for time, message in messages:
+        logged.append(time * 1e-9)
+        rows.append(dict(_numbers("", message)))
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    columns = {name: np.array([row.get(name, np.nan) for row in rows]) for name in names}
+    arrival = np.array(logged)
+    stamps = [name for name in names if name in STAMPS]
+    if stamps and np.all(columns[stamps[0]] > 0.0):
+        taken = columns.pop(stamps[0])
+        columns["time"] = taken
+        late = arrival - taken
+        if len(late) and np.min(late) >= 0.0 and np.max(late) < 1.0:
+            columns["arrival"] = arrival
+    elif "time" not in columns and "t" not in columns:
+        columns["time"] = arrival
+    return Stream(place, columns, ("message", 1))
+
+
+STAMPS = ("header.stamp", "timestamp", "stamp")
+
+
+def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:
+    """Name and value of each number; a time of two parts is one number, in s."""
+    if isinstance(value, Mapping):
+        whole = next((value[name] for name in ("sec", "seconds", "secs") if name in value), None)
+        part = next((value[name] for name in ("nanosec", "nsec", "nanos", "nsecs") if name in value), None)
+        if whole is not None and part is not None:
+            yield path, float(whole) + 1e-9 * float(part)
+            return
+        for name, inner in value.items():
+            yield from _numbers(f"{path}.{name}" if path else name, inner)
+    elif isinstance(value, bool | int | float):
+        yield path, float(value)
+    elif isinstance(value, Sequence) and not isinstance(value, str | bytes) and len(value) <= LARGEST_ARRAY:
+        axes = "xyz" if len(value) == 3 else [str(k) for k in range(len(value))]
+        for axis, inner in zip(axes, value, strict=True):
+            yield from _numbers(f"{path}.{axis}", inner)
