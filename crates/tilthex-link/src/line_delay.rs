@@ -1,7 +1,7 @@
 //! The delay of a line that was fine before: numbered samples that all come later than they used to.
 
 /// Later than before by this much, s, for this long, s: the line is late.
-const LATE: f64 = 0.012;
+const LATE: f64 = 0.009;
 const LATE_FOR: f64 = 0.05;
 /// Within this of what it was, s, for this long, s: it is fine again.
 const FINE: f64 = 0.006;

@@ -5,7 +5,7 @@ use tilthex_core::supervisor::{Fault, Phase};
 
 #[test]
 fn a_line_that_becomes_late_is_a_fault_of_its_own_and_does_not_tumble() {
-    for (delay, seed) in [(0.02, 81), (0.03, 82), (0.04, 83)] {
+    for (delay, seed) in [(0.013, 80), (0.02, 81), (0.03, 82), (0.04, 83)] {
         let mut world = World::preset("tilt-hex", "measured", seed);
         world.fly();
         world.run(1.0);
