@@ -144,7 +144,7 @@ def compare(seed: int, number: int) -> Tally:
     """Solves random problems both ways.
 
     Raises:
-        ValueError: where a rotor is asked beyond its limits.
+        ValueError: where a rotor is commanded beyond its limits.
     """
     rng = np.random.default_rng(seed)
     tally = Tally(number)

@@ -151,7 +151,7 @@ def step(vehicle, shape, memory, p, v, r, w, s, speeds, p_d, r_d, dt, command):
     in_reference = back(m2, omega[0], omega[1], omega[2])
     carried = apply(m3, in_reference[0], in_reference[1], in_reference[2])
     in_reference = back(m2, alpha[0], alpha[1], alpha[2])
-    asked = apply(m3, in_reference[0], in_reference[1], in_reference[2])
+    commanded = apply(m3, in_reference[0], in_reference[1], in_reference[2])
     error = vee(m3)
     across = cross((w[0], w[1], w[2]), carried)
     x = y = z = 0.0
@@ -170,9 +170,9 @@ def step(vehicle, shape, memory, p, v, r, w, s, speeds, p_d, r_d, dt, command):
         y += r[i, 1] * f
         z += r[i, 2] * f
     wanted = (
-        asked[0] - across[0] - 30.0 * (w[0] - carried[0]) + 225.0 * error[0],
-        asked[1] - across[1] - 30.0 * (w[1] - carried[1]) + 225.0 * error[1],
-        asked[2] - across[2] - 30.0 * (w[2] - carried[2]) + 225.0 * error[2],
+        commanded[0] - across[0] - 30.0 * (w[0] - carried[0]) + 225.0 * error[0],
+        commanded[1] - across[1] - 30.0 * (w[1] - carried[1]) + 225.0 * error[1],
+        commanded[2] - across[2] - 30.0 * (w[2] - carried[2]) + 225.0 * error[2],
     )
     # Compensation and allocation.
     needed = apply(inertia, wanted[0], wanted[1], wanted[2])

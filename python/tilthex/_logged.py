@@ -80,7 +80,7 @@ class State(TypedDict):
     latency: float | None
     """Estimated latency: mean time from the capture of a pose to its arrival. [s]"""
     setpoint: Target
-    """What the tool is asked to do."""
+    """The commanded set-point of the tool."""
     reference: Target
     """The same, behind the admittance filter."""
     force: Array

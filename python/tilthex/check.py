@@ -23,7 +23,7 @@ LEAST_DRAWN_PHASE_MARGIN = 30.0
 DAMPING_TIME = 1e-3
 """Damping by stiffness of what is touched, s."""
 STIFFNESS = 5e3
-"""Of what is touched, N/m, where an apparent mass is asked for."""
+"""Stiffness of the touched body, N/m, for which the apparent mass is computed."""
 ANY = 1e6
 """A stiffness from which on the range counts as open."""
 
@@ -78,7 +78,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Prints, and plots where asked."""
+    """Prints the result, and plots it on request."""
     config = named(arguments.config)
     model = LoopModel(config)
     found = model.hover()

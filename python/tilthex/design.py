@@ -142,11 +142,11 @@ def add_parser(subparsers: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Sweeps, prints where each metric is largest, writes `design.csv` and `design.png`."""
-    asked = arguments.sweep or [
+    axes_texts = arguments.sweep or [
         "tilted_hexarotor.alpha_deg=0:60:31",
         "tilted_hexarotor.beta_deg=-30:30:31",
     ]
-    axes = dict(_axis(text) for text in asked)
+    axes = dict(_axis(text) for text in axes_texts)
     if len(axes) > 2:
         raise ValueError(f"{len(axes)} keys to sweep; expected one or two")
     name = arguments.vehicle

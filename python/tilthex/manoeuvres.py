@@ -36,7 +36,7 @@ PERIOD = 0.002
 START = 1.0
 """When a manoeuvre begins, s."""
 MANOEUVRES = ("step", "push", "roll")
-"""2 m aside at once; 10 N on the centre of mass for a second; 60 deg of roll asked at once."""
+"""2 m aside at once; 10 N on the centre of mass for a second; 60 deg of roll commanded at once."""
 WAYS = ("clip", "fixed", "turned")
 """A clip; the allocator with the reference's attitude; the allocator and an attitude that yields."""
 
@@ -108,7 +108,7 @@ def fly(
         elif begun and manoeuvre == "push" and k * PERIOD < START + 1.0:
             push[0] = 10.0
         elif begun and manoeuvre == "roll":
-            # About the centre of mass, which is asked to stay.
+            # About the centre of mass, which is commanded to stay.
             rotation = so3.exp(np.array([math.radians(60), 0.0, 0.0])) @ home_rotation
             place = [0.0, 0.0, 1.0] + rotation @ vehicle.tool_rotation.T @ vehicle.tool_position
         command = pilot.step((k + 1) * PERIOD, plant, Setpoint(position=place, rotation=rotation))
@@ -278,7 +278,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def attitude_errors(flight: Flight, manoeuvre: str, way: str) -> Array:
-    """The attitude errors that count, deg: without a turn, a roll's error begins as the 60 deg asked."""
+    """The attitude errors that count, deg: without a turn, a roll's error begins as the commanded 60 deg."""
     begin = START + 1.5 if manoeuvre == "roll" and way != "turned" else 0.0
     return flight.attitude_error[flight.time >= begin]
 

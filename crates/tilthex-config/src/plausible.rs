@@ -22,9 +22,9 @@ const INERTIA_SLACK: f64 = 1.02;
 const CARRIED: f64 = 0.01;
 /// Heaviest vehicle, kg.
 const MAX_MASS: f64 = 1000.0;
-/// Mass above which it is asked for the unit, kg.
+/// Above this mass, kg, the message asks whether the unit is right.
 const HEAVY: f64 = 100.0;
-/// Radii of gyration, as parts of the farthest rotor's distance, outside of which it is asked for the unit.
+/// Radii of gyration, as parts of the farthest rotor's distance; outside of them the message asks whether the unit is right.
 const GYRATION: (f64, f64) = (0.02, 2.0);
 
 impl Config {
@@ -43,7 +43,7 @@ impl Config {
         )))
     }
 
-    /// Refuses a line that cannot carry the streams that are asked for.
+    /// Refuses a line that cannot carry the configured streams.
     pub(super) fn check_line(&self, params: LinkParams) -> Result<(), ConfigError> {
         let link = &self.link;
         if link.baud == 0 {

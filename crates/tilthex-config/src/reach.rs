@@ -51,10 +51,10 @@ impl Reach {
         let to_robot = rotation_wr.transpose();
         let torque_r =
             self.vehicle.tool().position_r.cross(&(to_robot * wrench_w.force)) + to_robot * wrench_w.torque;
-        let mut asked = Vector6::zeros();
-        asked.fixed_rows_mut::<3>(0).copy_from(&(to_robot * lift_w));
-        asked.fixed_rows_mut::<3>(3).copy_from(&torque_r);
-        (self.allocator.allocate(&asked).wrench - asked).norm() < GIVEN * self.vehicle.weight()
+        let mut required = Vector6::zeros();
+        required.fixed_rows_mut::<3>(0).copy_from(&(to_robot * lift_w));
+        required.fixed_rows_mut::<3>(3).copy_from(&torque_r);
+        (self.allocator.allocate(&required).wrench - required).norm() < GIVEN * self.vehicle.weight()
     }
 
     /// The largest force, N, that the level vehicle exerts in the direction in which it exerts most.

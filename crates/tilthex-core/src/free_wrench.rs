@@ -1,8 +1,8 @@
-//! A wrench that the tool is asked to exert while it touches nothing: how fast and how far that wrench may move the tool.
+//! A commanded wrench while the tool touches nothing: how fast and how far that wrench may move the tool.
 //!
-//! Without this limit the filter moves at the speed force / damping, up to its excursion limit. Here the asked wrench is
+//! Without this limit the filter moves at the speed force / damping, up to its excursion limit. Here the commanded wrench is
 //! reduced until the reference keeps to the allowed speed. In contact it is not reduced: what the tool touches
-//! balances the asked wrench, and the reference does not move.
+//! balances the commanded wrench, and the reference does not move.
 
 use crate::{
     Error,
@@ -12,13 +12,13 @@ use crate::{
     types::{Matrix3, Matrix6, Vector3, Wrench},
 };
 
-/// The tool is in contact if at least this part of the asked wrench is felt against it.
+/// The tool is in contact if at least this part of the commanded wrench is felt against it.
 const RESISTS: f64 = 0.3;
 /// Time constants of the approach to the largest speed and to the end of the way, s.
 const REACHED: f64 = 0.1;
 const APPROACH: f64 = 0.5;
 
-/// The largest speeds and ways of a tool that is driven by an asked wrench alone.
+/// The largest speeds and ways of a tool that is driven by a commanded wrench alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeWrenchParams {
     /// Largest speed, m/s.
@@ -38,10 +38,10 @@ impl Default for FreeWrenchParams {
 }
 
 impl FreeWrenchParams {
-    /// The same, checked.
+    /// The same parameters, after a check of their ranges.
     ///
     /// # Errors
-    /// Names what is out of range.
+    /// [`Error::OutOfRange`] for the first parameter that is out of its range.
     pub fn checked(self) -> Result<Self, Error> {
         check_range("max_wrench_speed", self.speed, 1e-3, 10.0)?;
         check_range("max_wrench_way", self.way, 0.0, 100.0)?;
@@ -50,17 +50,17 @@ impl FreeWrenchParams {
         Ok(self)
     }
 
-    /// The part of an asked wrench that drives the filter, world, in addition to the wrench that is felt; `dt` in s.
+    /// The part of a commanded wrench that drives the filter, world, in addition to the wrench that is felt; `dt` in s.
     pub fn step(
         &self,
         state: &mut FreeWrenchState,
         filter: &AdmittanceParams,
         moved: &AdmittanceState,
         felt_w: &Wrench,
-        asked_w: &Wrench,
+        commanded_w: &Wrench,
         dt: f64,
     ) -> Wrench {
-        if *asked_w == Wrench::ZERO {
+        if *commanded_w == Wrench::ZERO {
             *state = FreeWrenchState::default();
             return Wrench::ZERO;
         }
@@ -82,13 +82,13 @@ impl FreeWrenchParams {
             (half(0, felt_w.force, (self.speed, self.way)), half(3, felt_w.torque, (self.spin, self.turn)));
         let (velocity_w, spin_w) = (moved.twist_w.fixed_rows::<3>(0), moved.twist_w.fixed_rows::<3>(3));
         Wrench {
-            force: force.drive(&asked_w.force, &velocity_w.into(), &mut state.way, dt),
-            torque: torque.drive(&asked_w.torque, &spin_w.into(), &mut state.turn, dt),
+            force: force.drive(&commanded_w.force, &velocity_w.into(), &mut state.way, dt),
+            torque: torque.drive(&commanded_w.torque, &spin_w.into(), &mut state.turn, dt),
         }
     }
 }
 
-/// The filter in translation, or in rotation, under an asked force or torque.
+/// The filter in translation, or in rotation, under a commanded force or torque.
 struct Half {
     /// Force or torque that is felt, and that of the spring, N or N m, world.
     felt_w: Vector3,
@@ -100,14 +100,14 @@ struct Half {
 }
 
 impl Half {
-    /// The part of an asked force or torque that drives it; `way` is how far that has moved it without resistance.
-    fn drive(&self, asked_w: &Vector3, velocity_w: &Vector3, way: &mut f64, dt: f64) -> Vector3 {
-        let size = asked_w.norm();
+    /// The part of a commanded force or torque that drives it; `way` is how far that has moved it without resistance.
+    fn drive(&self, commanded_w: &Vector3, velocity_w: &Vector3, way: &mut f64, dt: f64) -> Vector3 {
+        let size = commanded_w.norm();
         if size <= 0.0 {
             *way = 0.0;
-            return *asked_w;
+            return *commanded_w;
         }
-        let along = asked_w / size;
+        let along = commanded_w / size;
         let speed = velocity_w.dot(&along);
         if self.felt_w.dot(&along) < -RESISTS * size {
             *way = 0.0;
@@ -122,12 +122,12 @@ impl Half {
     }
 }
 
-/// How far an asked wrench has carried the tool without resistance.
+/// How far a commanded wrench has carried the tool without resistance.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FreeWrenchState {
-    /// m.
+    /// Way without resistance, m.
     pub way: f64,
-    /// rad.
+    /// Turn without resistance, rad.
     pub turn: f64,
 }
 
@@ -139,7 +139,7 @@ mod tests {
 
     const DT: f64 = 0.002;
 
-    /// What an asked force comes to in 12 s, with a spring of this stiffness, N/m, from a place on, m: the largest speed, the
+    /// What a commanded force comes to in 12 s, with a spring of this stiffness, N/m, from a place on, m: the largest speed, the
     /// place, and the force on the spring.
     fn run(force: f64, damping: f64, stiffness: f64, wall: (f64, f64)) -> (f64, f64, f64) {
         let params = AdmittanceParams {
@@ -154,12 +154,12 @@ mod tests {
         let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
         let (mut state, mut moved, mut fastest) =
             (FreeWrenchState::default(), AdmittanceState::default(), 0.0_f64);
-        let asked = Wrench { force: Vector3::new(0.0, force, 0.0), torque: Vector3::zeros() };
+        let commanded = Wrench { force: Vector3::new(0.0, force, 0.0), torque: Vector3::zeros() };
         let mut pressed = 0.0;
         for _ in 0..6000 {
             pressed = ((moved.translation_w.y - wall.1) * wall.0).max(0.0);
             let felt = Wrench { force: Vector3::new(0.0, -pressed, 0.0), torque: Vector3::zeros() };
-            let drive = limits.step(&mut state, filter.params(), &moved, &felt, &asked, DT) + felt;
+            let drive = limits.step(&mut state, filter.params(), &moved, &felt, &commanded, DT) + felt;
             filter.step(&mut moved, &setpoint, &drive, DT);
             fastest = fastest.max(moved.twist_w.norm());
         }

@@ -99,7 +99,7 @@ impl RobotState {
     }
 }
 
-/// What the tool is asked to do: the desired pose, twist and acceleration of
+/// The commanded set-point of the tool: the desired pose, twist and acceleration of
 /// the tool frame (all linear and angular rates in world coordinates), and the
 /// wrench it shall exert on the environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,7 +148,7 @@ impl Setpoint {
     }
 }
 
-/// What the centre of mass is asked to do: the reference of the pose
+/// The reference of the centre of mass: the input of the pose
 /// controller. Angular quantities are in the *reference's* body frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reference {

@@ -244,7 +244,7 @@ impl Allocator {
     }
 }
 
-/// What the rotors are asked for, and what they give up.
+/// The commanded rotor speeds, and what the rotors give up.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Allocation {
     found: allocation::Allocation,

@@ -11,7 +11,7 @@ fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
     given.map_or(Ok(Vector3::zeros()), |v| convert::vector(name, v))
 }
 
-/// What the tool is asked to do: pose, twist and acceleration of the tool
+/// The commanded set-point of the tool: pose, twist and acceleration of the tool
 /// frame, all in world coordinates, and the wrench it shall exert on the
 /// environment (force N, torque N m, world, about the tip).
 #[pyclass(frozen, module = "tilthex", from_py_object)]
@@ -88,7 +88,7 @@ impl Setpoint {
     }
 }
 
-/// What the centre of mass is asked to do: the pose controller's reference.
+/// The reference of the centre of mass: the pose controller's reference.
 /// Angular rates are in the reference's own body coordinates.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]

@@ -37,7 +37,7 @@ const REFUSED_FOR_GOOD: f64 = 3.0;
 pub enum End {
     /// It flew and landed; the fault that made it land, if any did.
     Landed(Option<Fault>),
-    /// It was asked to end before it flew.
+    /// It was interrupted before the flight began.
     Interrupted,
     /// The motors were stopped by the order to kill.
     Killed {

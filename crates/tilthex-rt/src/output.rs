@@ -97,7 +97,7 @@ pub(crate) fn settle() {
     }
 }
 
-/// Prints what a command was asked for. A reader that has seen enough is no failure.
+/// Prints the output of a command. A reader that closes the pipe early is no failure.
 ///
 /// # Errors
 /// Where it cannot be written: a full disk.

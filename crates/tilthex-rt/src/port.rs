@@ -123,7 +123,7 @@ impl Port {
     ///
     /// A `read` of a terminal that has no input waits in the kernel, non-blocking or not, until the
     /// work queue that moves its bytes has run (`n_tty_read`, `tty_buffer_flush_work`), at ordinary
-    /// priority: up to a second beside other load. So the kernel is asked first how much is there.
+    /// priority: up to a second beside other load. So the port first asks the kernel how many bytes there are.
     pub fn read(&self, buffer: &mut [u8]) -> Option<usize> {
         let there = match rustix::io::ioctl_fionread(&self.fd) {
             Ok(0) | Err(Errno::INTR) => return Some(0),

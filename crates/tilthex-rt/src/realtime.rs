@@ -1,4 +1,4 @@
-//! The rights that make the loop punctual: asked for once, before it starts.
+//! The rights that make the loop punctual: requested once, before the loop starts.
 
 use std::{
     fs::{self, File, OpenOptions},

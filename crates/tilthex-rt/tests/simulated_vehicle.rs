@@ -246,7 +246,7 @@ fn behind_a_pseudo_terminal_it_answers() {
             match message {
                 VehicleMessage::Identity(text) => identity = Some(text),
                 VehicleMessage::Imu(_) => samples += 1,
-                other => panic!("{other:?} was not asked for"),
+                other => panic!("{other:?} was not requested"),
             }
         }
     }

@@ -5,7 +5,7 @@ use std::fmt;
 /// Why there is no simulation, in one sentence: what, found, expected, what mends it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SimError {
-    /// What was asked for cannot be simulated.
+    /// The request cannot be simulated.
     Refused(String),
     /// The world behind the simulated vehicle ended, or answered something else.
     World(String),
@@ -14,7 +14,7 @@ pub enum SimError {
 }
 
 impl SimError {
-    /// What was asked for cannot be simulated.
+    /// The request cannot be simulated.
     pub fn refused(sentence: impl Into<String>) -> Self {
         Self::Refused(sentence.into())
     }

@@ -2,7 +2,7 @@
 //!
 //! ```toml
 //! [[push]]
-//! at = 8.0                  # s since the first motor was asked to start
+//! at = 8.0                  # s since the first motor was ordered to start
 //! duration = 6.0            # s
 //! force = [1.4, 0.0, 0.0]   # N, world, at the tool tip
 //! torque = [0.0, 0.0, 0.0]  # N m, world
@@ -21,7 +21,7 @@ use crate::SimError;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Push {
-    /// When it begins, s since the first motor was asked to start.
+    /// When it begins, s since the first motor was ordered to start.
     pub at: f64,
     /// For how long it lasts, s.
     pub duration: f64,

@@ -40,7 +40,7 @@ pub enum Start {
 pub struct Scenario<'a> {
     /// Vehicle and flight.
     pub config: &'a Config,
-    /// How it begins, and what the tool is asked to do.
+    /// How it begins, and the set-points of the tool.
     pub start: Start,
     /// What pushes the tool, and when: s since the begin in the air, or since the motors' start.
     pub pushes: Pushes,
@@ -140,7 +140,7 @@ struct World {
     commanded: Commanded,
     /// When the period began, s.
     time: f64,
-    /// When a motor was first asked to start, s.
+    /// When a motor was first ordered to start, s.
     started: Option<f64>,
 }
 

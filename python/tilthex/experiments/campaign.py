@@ -73,23 +73,23 @@ def checks(attempts: Sequence[Attempt], run: Run) -> list[Check]:
     ranges = run.random
     (lowest, highest), (smooth, rough) = ranges["tilt_deg"], ranges["friction"]
     what = f"inserted and withdrawn, tilt {lowest:g} to {highest:g} deg, friction {smooth:g} to {rough:g}"
-    asked = highest <= 20.0 and rough <= 0.3
+    required = highest <= 20.0 and rough <= 0.3
     force = max(found.result.largest_force for found in attempts)
     shaking = max(found.result.shaking for found in attempts)
     return [
         Check(
             what,
-            "at least 95 of 100" if asked else "as it is",
+            "at least 95 of 100" if required else "as it is",
             "one, at 15 deg",
             f"{good} of {len(attempts)}",
-            good >= 0.95 * len(attempts) if asked else None,
+            good >= 0.95 * len(attempts) if required else None,
         ),
         Check(
             "largest contact force of all cases",
             "below 40 N",
             "",
             f"{force:.1f} N",
-            force < 40.0 if asked else None,
+            force < 40.0 if required else None,
         ),
         Check("largest angular rate in the tube, rms over 2 s", "", "", f"{shaking:.3f} rad/s", None),
     ]

@@ -64,7 +64,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Flies what is asked, prints the table and writes the report."""
+    """Flies the chosen runs, prints the table and writes the report."""
     needed = NEEDED | WIRE_NEEDED if arguments.wire else NEEDED
     missing = [name for module, name in needed.items() if importlib.util.find_spec(module) is None]
     if missing:

@@ -94,7 +94,7 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
 
 
 def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoint], list[tilthex.Setpoint]]:
-    """Set-points of the calibration above a run's start, and of the way down; none where none is asked."""
+    """Set-points of the calibration above a run's start, and of the way down; none without calibration."""
     if run.calibration == "none":
         return [], []
     model = run.model()

@@ -1,4 +1,4 @@
-"""What every experiment's module offers: its checks against what is asked, and its figures."""
+"""What every experiment's module offers: its checks against the requirements, and its figures."""
 
 from __future__ import annotations
 

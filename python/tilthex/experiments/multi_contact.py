@@ -32,7 +32,7 @@ def checks(run: Run, record: Record) -> list[Check]:
         # From the phase on that begins in contact with the surface across this axis.
         rows = record.during(*CONTACT_PHASES[CONTACT_PHASES.index(since) :])
         lost = float(np.mean(record.pressure[rows, axis] == 0.0))
-        what = f"time without contact while a force along {'xyz'[axis]} is asked"
+        what = f"time without contact while a force along {'xyz'[axis]} is commanded"
         table.append(below(what, lost, 0.0, "%", scale=100.0))
     return table
 

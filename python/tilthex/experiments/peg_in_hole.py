@@ -114,15 +114,15 @@ def axis_angle(run: Run, record: Record) -> Vector:
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Depth, withdrawal, forces; what Table 2 does is reported without being asked."""
+    """Depth, withdrawal, forces; the runs of Table 2 are reported without a requirement."""
     found = insertion(run, record)
-    asked = run.judge["asked"]
+    required = run.judge["required"]
     tilt = run.world["tilt_deg"]
     turned = tilt - float(axis_angle(run, record)[record.during("hold")].min())
     head = f"{run.name}, tilt {tilt:g} deg"
 
     def verdict(good: bool) -> bool | None:
-        return good if asked else None
+        return good if required else None
 
     return [
         Check(

@@ -33,7 +33,7 @@ def periods(run: Run) -> int:
 
 
 def make(run: Run) -> Plan:
-    """Samples the trajectory of a run, or swings about it where a swing is asked for."""
+    """Samples the trajectory of a run, or swings about it if the run has a swing."""
     trajectory = trajectory_of(run.waypoints, run.limits)
     times = np.arange(_length(trajectory), dtype=np.float64) * PERIOD
     setpoints = [trajectory.sample(time) for time in times.tolist()]

@@ -105,14 +105,14 @@ class Record:
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the table: what is asked, what the paper had, what was measured."""
+    """One line of the table: what is required, what the paper had, what was measured."""
 
     what: str
-    asked: str
+    required: str
     paper: str
     measured: str
     passed: bool | None
-    """None for what is reported without being asked."""
+    """None for a value that is reported but has no requirement."""
 
 
 def rms(values: Vector) -> float:

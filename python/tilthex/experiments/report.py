@@ -91,22 +91,22 @@ def overview(record: Record) -> Any:
 
 def table(checks: Sequence[Check]) -> str:
     """The checks as an HTML table."""
-    rows = ["<tr><th>what<th>asked<th>paper<th>measured<th>"]
+    rows = ["<tr><th>what<th>required<th>paper<th>measured<th>"]
     for check in checks:
         mark = {True: '<td class="pass">pass', False: '<td class="short">falls short', None: "<td>"}[
             check.passed
         ]
-        cells = (check.what, check.asked, check.paper, check.measured)
+        cells = (check.what, check.required, check.paper, check.measured)
         rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in cells) + mark)
     return "<table>" + "\n".join(rows) + "</table>"
 
 
 def text_table(checks: Sequence[Check]) -> str:
     """The checks for a terminal."""
-    rows = [("", "what", "asked", "paper", "measured")]
+    rows = [("", "what", "required", "paper", "measured")]
     for check in checks:
         mark = {True: "pass", False: "FALLS SHORT", None: "-"}[check.passed]
-        rows.append((mark, check.what, check.asked, check.paper, check.measured))
+        rows.append((mark, check.what, check.required, check.paper, check.measured))
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
     return "\n".join(
         "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows

@@ -35,11 +35,11 @@ def checks(run: Run, record: Record) -> list[Check]:
     expected, normal_force = closed_form(run, record.setpoint_position[at_rest[-1]])
     paper = "0.1 m" if admittance(run, "stiffness")[1] < 5.0 else "almost none"
     if run.world["friction"] == 0.0:
-        asked = f"{1e3 * expected[1]:.1f} mm within 5 mm"
+        required = f"{1e3 * expected[1]:.1f} mm within 5 mm"
         passed = bool(abs(off[1] - expected[1]) <= 5e-3)
         force = record.true_wrench[at_rest, :3].mean(axis=0) @ run.scene().rotation[:, 2]
         table += [
-            Check(f"{run.name}: sideways deviation", asked, "", f"{1e3 * off[1]:.1f} mm", passed),
+            Check(f"{run.name}: sideways deviation", required, "", f"{1e3 * off[1]:.1f} mm", passed),
             Check(f"{run.name}: normal force at rest", f"{normal_force:.2f} N", "", f"{force:.2f} N", None),
         ]
     else:

@@ -192,10 +192,10 @@ class World:
     def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
         """Advances one control period, s, under commanded rotor speeds, Hz."""
         data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()
-        asked = rotor_command
+        commanded = rotor_command
         for _ in range(round(period / TIMESTEP)):
             if self._effects is not None:
-                rotor_command = self._effects.reached(asked)
+                rotor_command = self._effects.reached(commanded)
             change = self._lag * (rotor_command - self.rotor_speeds)
             self.rotor_speeds += change
             data.ctrl[:] = self.rotor_speeds * np.abs(self.rotor_speeds)

@@ -243,7 +243,7 @@ impl LoopModel {
         self.tilts[axis]
     }
 
-    /// What the rotors give of what they are asked for.
+    /// The part of the commanded wrench that the rotors give.
     fn rotor(&self, frequency: f64) -> Rotor {
         let one = Number::new(1.0, 0.0);
         let s = Number::new(0.0, frequency);
@@ -277,7 +277,7 @@ impl LoopModel {
         rotor * (lead + feedback) / (s * s + rotor * feedback)
     }
 
-    /// From a wrench at the tool to the acceleration that is asked for at the centre of mass: the admittance filter's
+    /// From a wrench at the tool to the acceleration that is commanded at the centre of mass: the admittance filter's
     /// own, and the pose control of its way and speed. `hold` is that of a wrench over the period before.
     fn yields(&self, s: Number, pose: &Diagonal, hold: Number) -> Matrix {
         let a = &self.params.admittance;
@@ -319,18 +319,18 @@ impl LoopModel {
         let seen = Matrix::from_diagonal(&at.seen);
         let square = at.s * at.s;
         let pose = Matrix::from_diagonal(&(at.pose / square));
-        let asked = (one + rest * at.observer_rotors * seen).try_inverse()? * (rest * at.observer - pose);
+        let commanded = (one + rest * at.observer_rotors * seen).try_inverse()? * (rest * at.observer - pose);
         let moved = real(&self.effect) * Matrix::from_diagonal(&at.rotors);
-        let accelerations = (one - moved * asked).try_inverse()?;
+        let accelerations = (one - moved * commanded).try_inverse()?;
         let tool = real(&self.true_tool);
         let pushed = real(&(self.true_inverse * self.true_tool.transpose()));
-        let turned = at.turn * asked;
+        let turned = at.turn * commanded;
         Some(tool * ((one / square + turned) * accelerations) * pushed)
     }
 }
 
 /// Of a function with real value at zero and 1 at infinity, by frequency: how many zeros it has in the right half-plane.
-/// `known` are its values at rising frequencies; between two with much phase it is asked for more.
+/// `known` are its values at rising frequencies; between two with much phase it is evaluated again.
 pub(crate) fn unstable(known: &[(f64, Number)], value: impl Fn(f64) -> Number) -> usize {
     fn turned(
         from: (f64, Number),

@@ -74,7 +74,7 @@ impl Derived {
 }
 
 impl LoopModel {
-    /// The fastest gains whose loops have what is asked for; of this model only vehicle, delays and the turn's filter
+    /// The fastest gains whose loops have the required margins; of this model only vehicle, delays and the turn's filter
     /// count.
     #[must_use]
     pub fn derive(&self) -> Derived {

@@ -87,7 +87,7 @@ impl Bounds {
         Ok(())
     }
 
-    /// Admittance parameters; of matrices that the order does not name, nothing is asked.
+    /// Admittance parameters; matrices that the order does not name are not checked.
     pub(super) fn check_admittance(
         &self,
         params: &AdmittanceParams,

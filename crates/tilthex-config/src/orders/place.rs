@@ -23,7 +23,7 @@ pub struct Place {
 pub(super) struct Geofence {
     fence: Fence,
     tool: Mounting,
-    /// How far an asked force carries the tool where nothing resists it, m.
+    /// How far a commanded force moves the tool without resistance, m.
     way: f64,
 }
 
@@ -57,7 +57,7 @@ impl Geofence {
         }
     }
 
-    /// Where nothing resists it, an asked force carries the tool.
+    /// Without resistance, a commanded force moves the tool.
     fn check_wrench(&self, wrench_w: &Wrench, place: &Place) -> Result<(), String> {
         let Some(along_w) = wrench_w.force.try_normalize(1e-9) else { return Ok(()) };
         let Some((tool_w, rotation_we)) = &place.tool_w else { return Ok(()) };

@@ -3,7 +3,7 @@
 //! A filter of third order: the turn follows its target with a bounded angular
 //! acceleration that itself changes only as fast as the rotors' lag lets it. Far
 //! from the target it brakes in time, near it the filter is linear. What the
-//! lag takes from the acceleration is known, and is asked for in addition
+//! lag takes from the acceleration is known, and is commanded in addition
 //! ([`Turned::lead_r`]).
 
 use crate::{

@@ -1,4 +1,4 @@
-//! From the state to what the rotors are asked, and to the bytes that ask it.
+//! From the state to the motor command.
 
 use super::{
     Flight,
@@ -22,7 +22,7 @@ pub(super) const RAMP: f64 = 3.0;
 const RAMP_END: f64 = 0.95;
 
 impl Flight {
-    /// What the rotors are asked in this phase.
+    /// The motor command of this phase.
     pub(super) fn control(&mut self, rotor_speeds: &RotorVector, line_delay: f64, dt: f64) {
         let phase = self.supervisor.phase();
         self.not_finite = false;
@@ -158,7 +158,7 @@ impl Flight {
         finite
     }
 
-    /// Whether each motor has turned alone, where that is asked for, in a start.
+    /// Whether each motor has turned alone in this start, if the configuration requires it.
     pub(super) fn check_motors(&mut self, phase: Phase, input: &Measured<'_>, dt: f64) -> bool {
         let (watch, motors) = (&self.params.watch, input.telemetry.motors());
         if phase == Phase::Starting && watch.motor_check {

@@ -17,7 +17,7 @@ pub struct AirborneStart {
     pub position_w: Vector3,
     /// Rotation of the captured body: maps its coordinates to the world's.
     pub rotation_wc: Matrix3,
-    /// What the tool is asked to do from the first tick on; `None` holds it where it is.
+    /// Set-point of the tool from the first tick on; `None` holds the tool where it is.
     pub trajectory: Option<Trajectory>,
 }
 

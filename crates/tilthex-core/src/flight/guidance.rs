@@ -88,7 +88,7 @@ pub(super) struct Guidance {
 /// The set-point of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Guided {
-    /// What the tool is asked to do.
+    /// The commanded set-point of the tool.
     pub(super) setpoint: Setpoint,
     /// Whether contact moves the reference.
     pub(super) compliant: bool,
@@ -359,7 +359,7 @@ impl Guidance {
     }
 }
 
-/// Level where it is: neither a position nor a heading is asked for.
+/// Level where it is: neither a position nor a heading is commanded.
 fn descend(robot: &RobotState, tool: &Mounting) -> Setpoint {
     let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
     Setpoint::hold(w.position_w, w.rotation_we)

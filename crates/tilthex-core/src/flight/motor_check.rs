@@ -1,4 +1,4 @@
-//! Each motor alone, before all of them start: whether the right one turns, and as it is asked to.
+//! Each motor alone, before all of them start: whether the right one turns, at the commanded speed.
 
 use core::fmt;
 
@@ -8,7 +8,7 @@ use crate::{
     types::RotorVector,
 };
 
-/// A motor must turn as asked for this long, s, before the next one is tried.
+/// A motor must turn at the commanded speed for this long, s, before the next one is tried.
 const RIGHT: f64 = 0.03;
 /// A motor is tried at its lowest speed times TRIED, because some links do not tell the lowest speed from standstill.
 /// A speed that differs by the part OFF is wrong.
@@ -32,14 +32,14 @@ pub enum MotorFault {
         /// Which turns.
         found: usize,
     },
-    /// It was started alone, and turns at another speed than it was asked for.
+    /// It was started alone, and turns at another speed than the commanded one.
     WrongSpeed {
         /// Which.
         motor: usize,
         /// Measured, Hz.
         found: f64,
         /// Asked for, Hz.
-        asked: f64,
+        commanded: f64,
     },
     /// It turns though every motor was told to stand.
     Turns {
@@ -63,9 +63,9 @@ impl fmt::Display for MotorFault {
                 motor + 1,
                 found + 1
             ),
-            Self::WrongSpeed { motor, found, asked } => write!(
+            Self::WrongSpeed { motor, found, commanded } => write!(
                 f,
-                "motor {} was started alone at {asked:.0} Hz and measures {found:.0} Hz: check its direction, its poles, and \
+                "motor {} was started alone at {commanded:.0} Hz and measures {found:.0} Hz: check its direction, its poles, and \
                  the settings of its controller",
                 motor + 1
             ),
@@ -99,7 +99,7 @@ impl Default for MotorCheck {
 }
 
 impl MotorCheck {
-    /// What was found wrong; motors stay still until another start is asked for.
+    /// What was found wrong; motors stay still until another start is ordered.
     pub(super) fn fault(&self) -> Option<MotorFault> {
         self.fault
     }
@@ -118,7 +118,7 @@ impl MotorCheck {
     /// take in all (s).
     pub(super) fn step(&mut self, motors: &[Motor], now: f64, lowest: &RotorVector, limit: f64, dt: f64) {
         let Some((tried, least)) = motors.get(self.motor).zip(lowest.iter().nth(self.motor)) else { return };
-        let asked = TRIED * least;
+        let commanded = TRIED * least;
         if self.fault.is_some() {
             return;
         }
@@ -140,15 +140,15 @@ impl MotorCheck {
             return;
         }
         self.another = if other.is_some() { self.another + dt } else { 0.0 };
-        let follows = measured(tried) && (tried.speed - asked).abs() < OFF * asked;
+        let follows = measured(tried) && (tried.speed - commanded).abs() < OFF * commanded;
         self.right = if tried.spinning && follows && other.is_none() { self.right + dt } else { 0.0 };
         let motor = self.motor;
         if let Some(found) = other.filter(|_| self.another > ANOTHER) {
             self.fault = Some(MotorFault::Another { motor, found });
         } else if self.right > RIGHT {
             *self = Self { motor: motor.saturating_add(1), ..Self::default() };
-        } else if late && tried.spinning && measured(tried) && tried.speed.abs() > STOPPED * asked {
-            self.fault = Some(MotorFault::WrongSpeed { motor, found: tried.speed, asked });
+        } else if late && tried.spinning && measured(tried) && tried.speed.abs() > STOPPED * commanded {
+            self.fault = Some(MotorFault::WrongSpeed { motor, found: tried.speed, commanded });
         } else if late {
             self.fault = Some(MotorFault::Still { motor });
         }

@@ -83,7 +83,7 @@ pub struct Record {
     pub latency: f64,
     /// Specific force at the centre of mass, m/s^2, R.
     pub specific_force_r: Vector3,
-    /// What the tool is asked to do.
+    /// The commanded set-point of the tool.
     pub setpoint: Setpoint,
     /// Reference of the tool, behind the admittance filter.
     pub reference: Setpoint,

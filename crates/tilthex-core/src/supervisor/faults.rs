@@ -172,12 +172,12 @@ pub const COUNT: usize = 55;
 #[rustfmt::skip]
 pub const TABLE: [Row; COUNT] = [
     row(Fault::ImuLate, "IMU late", s("no inertial sample for {} ms", &[1e3 * l::IMU_LATE]), (0.0, 0.1), (Note, Note), s("the model predicts until the next sample", &[])),
-    row(Fault::ImuSilent, "IMU silent", s("no inertial sample for {} ms", &[1e3 * l::IMU_SILENT]), (0.0, 0.5), (Refuse, Land), s("the model stands in for the IMU; the stream is asked for again every {} ms", &[1e3 * l::STREAM_SILENT])),
+    row(Fault::ImuSilent, "IMU silent", s("no inertial sample for {} ms", &[1e3 * l::IMU_SILENT]), (0.0, 0.5), (Refuse, Land), s("the model stands in for the IMU; the stream is requested again every {} ms", &[1e3 * l::STREAM_SILENT])),
     row(Fault::ImuFrozen, "IMU frozen", s("{} inertial samples that are equal to the bit", &[l::IMU_FROZEN as f64]), (0.0, 0.5), (Refuse, Land), s("the model stands in for the IMU", &[])),
     row(Fault::ImuSaturated, "IMU saturated", s("a reading at the end of its range", &[]), (0.05, 0.5), (Refuse, Land), s("the sample is dropped and the model stands in; short shocks pass", &[])),
     row(Fault::ImuOutOfRange, "IMU out of range", s("a sample refused for its range or its jump from the last", &[]), (0.0, 0.1), (Note, Note), s("the sample is dropped; many of them are an IMU that is silent", &[])),
     row(Fault::MotorsStale, "motor data stale", s("a motor's measurement older than {} ms", &[1e3 * l::MOTORS_STALE]), (0.0, 0.5), (Note, Note), s("the commanded speed through the rotor's lag stands in, as it does from {} ms on", &[1e3 * l::MOTORS_FRESH])),
-    row(Fault::MotorsSilent, "motor data silent", s("a motor's measurement older than {} s", &[l::MOTORS_SILENT]), (0.0, 0.5), (Refuse, Land), s("as before; the stream is asked for again every {} ms", &[1e3 * l::STREAM_SILENT])),
+    row(Fault::MotorsSilent, "motor data silent", s("a motor's measurement older than {} s", &[l::MOTORS_SILENT]), (0.0, 0.5), (Refuse, Land), s("as before; the stream is requested again every {} ms", &[1e3 * l::STREAM_SILENT])),
     row(Fault::MotorEmergency, "motor emergency", s("the emergency bit of a motor", &[]), (0.0, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
     row(Fault::MotorNotSpinning, "motor not spinning", s("the spinning bit of a motor is off after the start, or it turns at less than {} times the lagged command for {} ms and its rotor does not lift", &[l::STOPPED, 1e3 * l::STOPPED_AFTER]), (0.02, 0.5), (Refuse, Land), s("the motor counts as lost", &[])),
     row(Fault::MotorWrongSpeed, "motor at a wrong speed", s("a motor {} Hz off the lagged command", &[l::WRONG_SPEED]), (0.1, 0.5), (Refuse, Land), s("it is driven faster by what is missing", &[])),
@@ -204,7 +204,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::Overrun, "loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN]), (0.0, 0.1), (Note, Note), s("whole periods are skipped; the measured time enters the laws", &[])),
     row(Fault::OverrunLong, "long loop overrun", s("a period longer than {} ms", &[1e3 * l::OVERRUN_LONG]), (0.0, 1.0), (Note, Hold), s("the vehicle's watchdog took the rotors to their lowest speed after {} ms", &[1e3 * l::VEHICLE_WATCHDOG])),
     row(Fault::LinkGarbage, "link garbage", s("{} % of the frames refused", &[1e2 * l::GARBAGE]), (0.2, 0.5), (Refuse, Hold), s("the model stands in for the motors; check cable, adapter and speed of the line", &[])),
-    row(Fault::Reboot, "reboot", s("the board announces itself unasked", &[]), (0.0, 1.0), (Refuse, Land), s("rates are asked for and motors started again", &[])),
+    row(Fault::Reboot, "reboot", s("the board announces itself without a request", &[]), (0.0, 1.0), (Refuse, Land), s("the streams are requested and the motors started again", &[])),
     row(Fault::LinkLost, "link lost", s("the port is gone, or silent for {} s", &[l::LINK_SILENT]), (0.0, 1.0), (Refuse, Descend), s("nothing reaches the vehicle; its watchdog holds the lowest speed after {} ms and disarms {} s later", &[1e3 * l::VEHICLE_WATCHDOG, l::VEHICLE_DISARMS])),
     row(Fault::LogLost, "log lost", s("the recorder reports that it cannot write", &[]), (0.0, 1.0), (Note, Note), s("the flight goes on without a log", &[])),
     row(Fault::NotFinite, "not finite", s("a controller output that is not a finite number", &[]), (0.0, 0.5), (Refuse, Land), s("the last good command is sent again", &[])),

@@ -8,7 +8,7 @@ pub const IMU_SILENT: f64 = 0.05;
 pub const IMU_FROZEN: u32 = 25;
 /// A line whose samples come later than they used to by more than this is late, s.
 pub const LINE_LATE: f64 = 0.008;
-/// Streams that are silent for longer than this are asked for again, s.
+/// Streams that are silent for longer than this are requested again, s.
 pub const STREAM_SILENT: f64 = 0.5;
 /// A motor's measurement that is older than this is stale, s.
 pub const MOTORS_STALE: f64 = 0.1;

@@ -216,7 +216,7 @@ impl Supervisor {
         if begins_to_land {
             self.ended_by = self.active.rows().find(|row| row.in_flight == worst).map(|row| row.fault);
         }
-        // A landing that was asked for and went wrong did not end as it was asked for.
+        // An ordered landing that went wrong did not end as ordered.
         if self.ended_by == Some(Fault::Operator) && self.phase.in_flight() {
             let wrong = |row: &&Row| row.fault != Fault::Operator && row.in_flight >= Reaction::Land;
             self.ended_by = self.active.rows().find(wrong).map(|row| row.fault).or(self.ended_by);

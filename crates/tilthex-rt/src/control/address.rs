@@ -45,7 +45,7 @@ impl Address {
         if !ip.is_loopback() && !has_token {
             return Err(refuse(
                 text,
-                &"others could fly the vehicle from there, and no token is asked of them (--control-token-file)",
+                &"others could fly the vehicle from there without a token; give one with --control-token-file",
             ));
         }
         Ok(Self::Tcp(address))

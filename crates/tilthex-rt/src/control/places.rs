@@ -10,7 +10,7 @@ use crate::sleeper::Nanos;
 
 /// Most connections at a time.
 pub(super) const MOST: usize = 16;
-/// Nobody is asked to give way before this, ns: enough for a line that was sent with the connection.
+/// No client has to give way before this, ns: enough for a line that was sent with the connection.
 pub(super) const LEAST_STAY: Nanos = 50_000_000;
 
 /// A connection.

@@ -24,7 +24,7 @@ pub(super) const PATIENCE: Nanos = 5_000_000_000;
 pub(super) struct Session {
     client: Client,
     shared: Arc<Shared>,
-    /// It has shown the token, where one is asked for.
+    /// It has shown the token, if one is required.
     admitted: bool,
     /// It has said a line of the protocol.
     known: bool,

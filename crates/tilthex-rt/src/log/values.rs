@@ -263,7 +263,7 @@ pub(super) const REPLAYED: [TickChannel; 11] = [
     channel("/state", &STATE, ""),
     TickChannel {
         topic: "/setpoint",
-        doc: "What the tool is asked to do.",
+        doc: "The commanded set-point of the tool.",
         content: Content::Target(&TARGET, |t| &t.record.setpoint),
         state: "setpoint",
     },

@@ -147,7 +147,7 @@ mod tests {
     use proptest::prelude::*;
     use std::{cell::RefCell, rc::Rc};
 
-    /// A file whose length can be asked for while it is written.
+    /// A file whose length can be read while it is written.
     #[derive(Clone, Default)]
     struct Shared(Rc<RefCell<Vec<u8>>>);
 

@@ -95,7 +95,7 @@ kinds! {
     AccelerometerBias, "a step of the accelerometer's bias up to 1 m/s^2", [vehicle::ACCELEROMETER_BIAS];
     ImuSaturated, "the gyroscope at the end of its range", [vehicle::IMU_SATURATED];
     RotorThrust, "a rotor with 0 to 80 % of its thrust", [vehicle::ROTOR_THRUST], takes_lift;
-    RotorSlow, "a rotor at 40 to 90 % of the speed asked for", [vehicle::ROTOR_SLOW], takes_lift;
+    RotorSlow, "a rotor at 40 to 90 % of the commanded speed", [vehicle::ROTOR_SLOW], takes_lift;
     RotorStuck, "a rotor that stands still", [vehicle::ROTOR_STUCK], takes_lift;
     MotorEmergency, "a motor that stops and shows its emergency bit", [vehicle::MOTOR_EMERGENCY], takes_lift;
     BatteryEmpty, "a battery that is suddenly almost empty", [vehicle::BATTERY_EMPTY];

@@ -44,7 +44,7 @@ use tilthex_config::{Config, TruthSection, VehicleSection};
 const WINDOW: f64 = 3.0;
 /// Faults of flights that are watched from power-on begin within this time, s.
 const WHOLE_WINDOW: f64 = 14.0;
-/// After this long on its mission a flight is asked to land, s.
+/// After this long on its mission a flight is ordered to land, s.
 const MISSION: f64 = 7.0;
 /// A flight that has not ended by then is not watched any longer, s.
 const LONGEST: f64 = 45.0;

@@ -50,7 +50,7 @@ fn a_motor_that_does_not_turn_is_named_until_another_start_is_asked_for() {
     let mut world = World::preset("tilt-hex", "measured", 802);
     wired(&mut world, 3, None);
     assert_eq!(refused(&mut world), MotorFault::Still { motor: 2 });
-    // Mended, and asked for again.
+    // Mended, and ordered again.
     world.run(5.0);
     assert_eq!(world.phase(), Phase::Disarmed);
     world.wires = Box::new(<[u8]>::to_vec);

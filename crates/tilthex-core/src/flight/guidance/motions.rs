@@ -29,7 +29,7 @@ impl Sink {
     }
 }
 
-/// How far set-points are moved from where they were asked for: a capture system that jumps
+/// How far set-points are moved from where they were commanded: a capture system that jumps
 /// moves the world, and what follows is a flight back at the usual speed, not a leap.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Detour {

@@ -242,7 +242,7 @@ impl Firmware {
         self.motors[..self.motor_count].iter().all(Motor::is_spinning)
     }
 
-    /// When the first of the motors that then all spun was asked to start.
+    /// When the first of the motors that then all spun was ordered to start.
     #[must_use]
     pub fn first_start(&self) -> Option<Micros> {
         self.first_start

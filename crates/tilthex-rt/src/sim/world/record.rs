@@ -113,7 +113,7 @@ pub fn state(bytes: &[u8; STATE], at: Nanos) -> Result<State, String> {
     let (time, rest) = bytes.split_at(NUMBER);
     let answered = Nanos::from_le_bytes(time.try_into().unwrap_or_default());
     if answered != at {
-        return Err(format!("it is for the time {answered} ns, asked for was {at} ns"));
+        return Err(format!("it is for the time {answered} ns; expected {at} ns"));
     }
     let mut numbers = Numbers::new(rest);
     let state = State {

@@ -86,7 +86,7 @@ fn an_answer_to_another_question_is_none() {
     let mut world = world(&script).expect("begins");
     step(&mut world);
     let failure = world.finish().expect_err("rubbish");
-    assert!(failure.to_string().contains("asked for was 1000000 ns"), "{failure}");
+    assert!(failure.to_string().contains("expected 1000000 ns"), "{failure}");
 }
 
 #[test]
