@@ -108,7 +108,9 @@ def test_a_wrong_shape_is_named_with_both_shapes(call, name):
             function(**arguments | {name: bad})
     with pytest.raises(ValueError, match=f"^{name} is a dict; expected an array of numbers$"):
         function(**arguments | {name: {}})
-    with pytest.raises(ValueError, match=f"^{name} is an array of truth values; expected an array of numbers$"):
+    with pytest.raises(
+        ValueError, match=f"^{name} is an array of truth values; expected an array of numbers$"
+    ):
         function(**arguments | {name: np.ones(expected, bool)})
 
 
