@@ -1,7 +1,8 @@
-"""Hypothesis profiles: `fast` by default; HYPOTHESIS_PROFILE names another."""
+"""Hypothesis profiles (`fast` by default; HYPOTHESIS_PROFILE names another), and the log of a flight."""
 
 import os
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 common = {"deadline": None, "suppress_health_check": [HealthCheck.too_slow]}
@@ -9,3 +10,14 @@ settings.register_profile("fast", max_examples=40, **common)
 settings.register_profile("ci", max_examples=40, derandomize=True, **common)
 settings.register_profile("deep", max_examples=2000, **common)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
+
+
+@pytest.fixture(scope="session")
+def flight(tmp_path_factory):
+    """The log of a flight of some seconds: the bytes of its file. It is flown in real time."""
+    from test_programs import run
+
+    path = tmp_path_factory.mktemp("logs") / "flight.mcap"
+    result = run("--sim", "--take-off", "--duration", "3", "--log", path)
+    assert result.returncode == 0, result.stderr
+    return path.read_bytes()

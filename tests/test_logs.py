@@ -26,15 +26,6 @@ pytestmark = pytest.mark.real_time
 COMMANDS = (["plot"], ["fit"], ["estimate"])
 
 
-@pytest.fixture(scope="module")
-def flight(tmp_path_factory):
-    """The log of a flight of some seconds."""
-    path = tmp_path_factory.mktemp("logs") / "flight.mcap"
-    result = run("--sim", "--take-off", "--duration", "3", "--log", path)
-    assert result.returncode == 0, result.stderr
-    return path.read_bytes()
-
-
 def cut_short(path, data, part):
     path.write_bytes(data[: int(part * len(data))])
     return path

@@ -1,0 +1,217 @@
+"""`tilthex convert`: a log in the formats of other programs (docs/log.md).
+
+`csv` and `parquet` have one file for each topic of the log, with the columns of `tilthex.log.read`. A column
+of several numbers becomes one column for each number: `position_w.0`, `position_w.1`, `position_w.2`.
+`rosbag2` has the flight in the standard messages of ROS 2, with the axes of REP 103 (world z up, robot x
+forward and y left) and the frames of REP 105.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex._logged import TOPICS
+from tilthex.log import Columns, Log
+from tilthex.recording import rotations_from_quaternions
+
+Array = NDArray[Any]
+FRAMES = {"world": "map", "robot": "base_link"}
+"""Names of the frames in a bag (REP 105)."""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Registers the command with the parsers of `tilthex`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        "convert",
+        help="write a log for other programs: CSV, Parquet or a bag of ROS 2",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("log", type=Path, help="a log of tilthex-rt")
+    parser.add_argument("--to", required=True, choices=sorted(WRITERS), help="format")
+    parser.add_argument("--out", type=Path, help="folder to write; default: the log's name and the format")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Converts, and names what was written."""
+    out = arguments.out or arguments.log.with_name(f"{arguments.log.stem}-{arguments.to}")
+    convert(arguments.log, arguments.to, out)
+    print(f"written: {out}")
+
+
+def convert(path: str | Path, to: str, out: str | Path) -> None:
+    """Writes a log in another format, into a new folder.
+
+    Args:
+        path: A log of tilthex-rt; one that breaks off is converted as far as it goes.
+        to: "csv", "parquet" or "rosbag2".
+        out: The folder; it must not exist.
+
+    Raises:
+        ValueError: The log cannot be read, or the format is not known.
+        FileExistsError: The folder exists.
+    """
+    writer = WRITERS.get(to)
+    if writer is None:
+        raise ValueError(f"a log cannot be converted to {to!r}; expected one of {', '.join(sorted(WRITERS))}")
+    log, out = Log(path), Path(out)
+    if out.exists():
+        raise FileExistsError(f"{out} exists; remove it, or name another folder with --out")
+    writer(log, out)
+
+
+def flat(columns: Columns) -> dict[str, Array]:
+    """Columns of single numbers: (N,) each."""
+    single: dict[str, Array] = {}
+    for name, values in columns.items():
+        if values.ndim == 1:
+            single[name] = values
+        else:
+            single |= {f"{name}.{i}": column for i, column in enumerate(values.T)}
+    return single
+
+
+def _tables(log: Log) -> Iterator[tuple[str, Any]]:
+    import pandas
+
+    for topic in log.topics:
+        if topic in TOPICS:
+            yield topic.lstrip("/"), pandas.DataFrame(flat(log.columns(topic)))
+
+
+def _csv(log: Log, out: Path) -> None:
+    out.mkdir(parents=True)
+    for name, table in _tables(log):
+        table.to_csv(out / f"{name}.csv", index=False)
+
+
+def _parquet(log: Log, out: Path) -> None:
+    import pyarrow  # noqa: F401
+
+    out.mkdir(parents=True)
+    for name, table in _tables(log):
+        table.to_parquet(out / f"{name}.parquet", engine="pyarrow", index=False)
+
+
+def _rosbag2(log: Log, out: Path) -> None:
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    out.parent.mkdir(parents=True, exist_ok=True)
+    with Writer(out, version=9) as bag:
+        messages = RosMessages(store.types)
+        for topic, kind, source, make in messages.topics():
+            if source not in log.topics:
+                continue
+            columns = log.columns(source)
+            connection = bag.add_connection(topic, kind, typestore=store)
+            for row, stamp in enumerate(columns["log_time"]):
+                time = round(float(stamp) * 1e9)
+                message = make(time, {name: values[row] for name, values in columns.items()})
+                bag.write(connection, time, store.serialize_cdr(message, kind))
+
+
+class RosMessages:
+    """The messages of ROS 2 that rows of a log become."""
+
+    def __init__(self, types: Any) -> None:
+        self._types = types
+
+    def topics(self) -> Iterator[tuple[str, str, str, Callable[[int, dict[str, Any]], Any]]]:
+        """Topic and message of the bag, topic of the log, and what makes the one of the other."""
+        yield "/odom", "nav_msgs/msg/Odometry", "/state", self.odometry
+        yield "/imu", "sensor_msgs/msg/Imu", "/state", self.imu
+        yield "/tf", "tf2_msgs/msg/TFMessage", "/state", self.transform
+        yield "/setpoint", "geometry_msgs/msg/PoseStamped", "/setpoint", self.pose
+        yield "/reference", "geometry_msgs/msg/PoseStamped", "/reference", self.pose
+        yield "/tool_wrench", "geometry_msgs/msg/WrenchStamped", "/wrench", self.tool_wrench
+        yield "/joint_states", "sensor_msgs/msg/JointState", "/rotors", self.joint_state
+
+    def odometry(self, time: int, row: dict[str, Any]) -> Any:
+        """Pose of the robot in the world; its twist in robot axes, as the message has it."""
+        pose = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(row), np.zeros(36))
+        rotation = rotations_from_quaternions(row["orientation"][None])[0]
+        twist = self._make(
+            "geometry_msgs/msg/Twist",
+            self._vector(rotation.T @ row["velocity_w"]),
+            self._vector(row["angular_velocity_r"]),
+        )
+        twist = self._make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
+        header = self._header(time, "world")
+        return self._make("nav_msgs/msg/Odometry", header, FRAMES["robot"], pose, twist)
+
+    def imu(self, time: int, row: dict[str, Any]) -> Any:
+        """Angular velocity and specific force at the centre of mass, robot axes, without biases."""
+        unknown = np.zeros(9)
+        return self._make(
+            "sensor_msgs/msg/Imu",
+            self._header(time, "robot"),
+            self._quaternion(row["orientation"]),
+            unknown,
+            self._vector(row["angular_velocity_r"]),
+            unknown,
+            self._vector(row["specific_force_r"]),
+            unknown,
+        )
+
+    def transform(self, time: int, row: dict[str, Any]) -> Any:
+        """World to robot."""
+        motion = self._make(
+            "geometry_msgs/msg/Transform",
+            self._vector(row["position_w"]),
+            self._quaternion(row["orientation"]),
+        )
+        header = self._header(time, "world")
+        stamped = self._make("geometry_msgs/msg/TransformStamped", header, FRAMES["robot"], motion)
+        return self._make("tf2_msgs/msg/TFMessage", [stamped])
+
+    def pose(self, time: int, row: dict[str, Any]) -> Any:
+        """Pose of the tool in the world."""
+        return self._make("geometry_msgs/msg/PoseStamped", self._header(time, "world"), self._pose(row))
+
+    def tool_wrench(self, time: int, row: dict[str, Any]) -> Any:
+        """Observed wrench on the tool about its tip, world axes."""
+        wrench = self._make(
+            "geometry_msgs/msg/Wrench",
+            self._vector(row["tool_w.force"]),
+            self._vector(row["tool_w.torque"]),
+        )
+        return self._make("geometry_msgs/msg/WrenchStamped", self._header(time, "world"), wrench)
+
+    def joint_state(self, time: int, row: dict[str, Any]) -> Any:
+        """Measured speeds of the rotors, rad/s."""
+        speeds = 2.0 * np.pi * np.atleast_1d(row["measured"])
+        names = [f"rotor_{i}" for i in range(len(speeds))]
+        none = np.zeros(0)
+        return self._make(
+            "sensor_msgs/msg/JointState", self._header(time, "robot"), names, none, speeds, none
+        )
+
+    def _make(self, kind: str, *fields: Any) -> Any:
+        return self._types[kind](*fields)
+
+    def _header(self, time: int, frame: str) -> Any:
+        stamp = self._make("builtin_interfaces/msg/Time", *divmod(time, 1_000_000_000))
+        return self._make("std_msgs/msg/Header", stamp, FRAMES[frame])
+
+    def _vector(self, values: Array) -> Any:
+        return self._make("geometry_msgs/msg/Vector3", *map(float, values))
+
+    def _quaternion(self, values: Array) -> Any:
+        return self._make("geometry_msgs/msg/Quaternion", *map(float, values))
+
+    def _pose(self, row: dict[str, Any]) -> Any:
+        position = self._make("geometry_msgs/msg/Point", *map(float, row["position_w"]))
+        return self._make("geometry_msgs/msg/Pose", position, self._quaternion(row["orientation"]))
+
+
+WRITERS: dict[str, Callable[[Log, Path], None]] = {"csv": _csv, "parquet": _parquet, "rosbag2": _rosbag2}
+"""What writes each format."""
