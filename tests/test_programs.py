@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tilthex
+from test_compare import judge_a_flight
 from tilthex._logged import State
 
 pytestmark = pytest.mark.real_time
@@ -245,7 +246,7 @@ def test_a_disk_that_fills_up_does_not_end_the_flight(tmp_path):
     assert "breaks off" in result.stdout
 
 
-def test_the_log_reads_with_common_tools(tmp_path):
+def test_the_log_reads_with_common_tools(tmp_path, capsys):
     """A pushed flight, read by PyPI's `mcap` and its protobuf support: every channel has a schema."""
     mcap = pytest.importorskip("mcap.reader")
     decoder = pytest.importorskip("mcap_protobuf.decoder")
@@ -270,6 +271,7 @@ def test_the_log_reads_with_common_tools(tmp_path):
                 forces.append(decoded.tool_w.force.x)
             else:
                 truths.append(decoded.tool_wrench_w.force.x)
+    judge_a_flight(log, tmp_path, capsys)
     ticks = int(re.search(r"ticks +(\d+)", result.stdout)[1])
     for topic in [
         "/state",

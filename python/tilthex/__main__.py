@@ -8,12 +8,13 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, check, convert, design, estimate, fit, manoeuvres, plot, tune
+from tilthex import __version__, check, compare, convert, design, estimate, fit, manoeuvres, plot, tune
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
     check.add_parser,
+    compare.add_parser,
     convert.add_parser,
     design.add_parser,
     estimate.add_parser,

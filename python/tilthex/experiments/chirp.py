@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import matplotlib.pyplot as plt
 import numpy as np
-from scipy.signal import butter, filtfilt
 
+from tilthex.compare import norms, without_phase
 from tilthex.experiments.judge import Figures, Flights, Judge, Vector
 from tilthex.experiments.record import Check, Record, below, rms
 from tilthex.experiments.spec import Run
 from tilthex.experiments.world import PERIOD
-
-
-def without_phase(values: Vector) -> Vector:
-    """A 6 Hz low-pass forwards and backwards."""
-    b, a = butter(2, 6.0, fs=1.0 / PERIOD)
-    return np.asarray(filtfilt(b, a, values, axis=0))
 
 
 def chirp_frequency(run: Run, time: Vector) -> Vector:
@@ -31,8 +24,8 @@ def checks(run: Run, record: Record) -> list[Check]:
     last = (record.time > run.swing["end"] - 1.0) & (record.time < run.swing["end"])
     for name, part, unit in (("force", slice(0, 3), "N"), ("torque", slice(3, 6), "N m")):
         estimate, sensor = (
-            without_phase(record.wrench_tool[:, part]),
-            without_phase(record.true_wrench[:, part]),
+            without_phase(record.wrench_tool[:, part], 1.0 / PERIOD),
+            without_phase(record.true_wrench[:, part], 1.0 / PERIOD),
         )
         error = rms((estimate - sensor)[last])
         amplitude = rms((sensor - sensor[last].mean(axis=0))[last])
@@ -44,25 +37,13 @@ def checks(run: Run, record: Record) -> list[Check]:
 
 def figures(flights: Flights) -> Figures:
     """Figure 4."""
-    drawn: Figures = {}
-    for run, record in flights:
-        figure, grid = plt.subplots(2, 2, figsize=(14, 8), sharex=True, layout="constrained")
-        for row, name, first in ((grid[0], "force (N)", 0), (grid[1], "torque (N m)", 3)):
-            estimate = without_phase(record.wrench_tool[:, first : first + 3])
-            sensor = without_phase(record.true_wrench[:, first : first + 3])
-            for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
-                row[0].plot(record.time, sensor[:, k], "--", color=colour, lw=1.0)
-                row[0].plot(record.time, estimate[:, k], color=colour, lw=0.8, label="xyz"[k])
-            norm = np.linalg.norm(estimate - sensor, axis=1)
-            row[1].plot(record.time, norm, lw=0.8)
-            row[1].plot(record.time, np.polyval(np.polyfit(record.time, norm, 1), record.time), "r", lw=1.0)
-            row[0].set_title(f"{name}: estimated, sensor dashed", fontsize=10, loc="left")
-            row[1].set_title("norm of the difference, and a line through it", fontsize=10, loc="left")
-            row[0].legend()
-        for axes in grid[1]:
-            axes.set_xlabel("time (s)")
-        drawn[run.name] = figure
-    return drawn
+    return {
+        run.name: norms(
+            record.time,
+            *(without_phase(wrench, 1.0 / PERIOD) for wrench in (record.wrench_tool, record.true_wrench)),
+        )
+        for run, record in flights
+    }
 
 
 JUDGE = Judge(checks, figures)

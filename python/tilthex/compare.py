@@ -1,0 +1,414 @@
+"""`tilthex compare`: the observed wrench of a flight beside an external six-axis force-torque sensor."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import log, readers
+from tilthex._core import Config
+from tilthex.readers.columns import QUANTITIES, Stream
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+LOW_PASS = 6.0
+"""Cut-off of the paper's low-pass without phase, Hz."""
+RATE = 100.0
+"""Both signals are compared at this rate, Hz."""
+COMMON = 0.3
+"""The two must share this part of the shorter one."""
+CONTACT = 0.1
+"""The two must share this part of each one's energy, or count as less alike."""
+ALIKE = 0.5
+"""Signals of a lower correlation are not of the same contact."""
+IN_NEWTON = np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])
+"""A torque counts like the force that makes it at 0.25 m, where signals are correlated."""
+ALOFT = ("flying", "holding")
+"""Phases in which nothing but the tool touches anything."""
+NAMES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
+
+
+@dataclass(frozen=True)
+class Wrenches:
+    """`time` s, (n,); `wrench` (n, 6): force in N, torque in N m. Whoever uses it says the axes."""
+
+    time: Array
+    wrench: Array
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Both wrenches on one clock, low-passed: `time` s since the flight's log begins, (n,), wrenches (n, 6).
+
+    `offset`, s, was added to the sensor's times; `correlation` is that of the two behind it, -1 to 1.
+    """
+
+    time: Array
+    observed: Array
+    sensor: Array
+    offset: float
+    correlation: float
+
+    def __str__(self) -> str:
+        """Mean and rms of the difference of each component, and the sensor's rms about its mean."""
+        off = self.observed - self.sensor
+        lines = [
+            f"sensor's times moved by {self.offset:.4f} s; correlation {self.correlation:.3f}",
+            f"{'':10s} {'mean off':>10s} {'rms off':>10s} {'sensor rms':>10s} {'off/sensor':>10s}",
+        ]
+        for k, name in enumerate(NAMES):
+            swing = float(np.std(self.sensor[:, k]))
+            spread = float(np.std(off[:, k]))
+            part = f"{spread / swing:10.1%}" if swing > 0 else f"{'-':>10s}"
+            unit = "N" if k < 3 else "N m"
+            lines.append(f"{name:10s} {off[:, k].mean():10.4f} {spread:10.4f} {swing:10.4f} {part} {unit}")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where the sensor is.
+
+    `on_tool` true: fixed to the tool, `position` (m) and `rotation` map from sensor to tool axes. Otherwise
+    fixed to the world: both map from sensor to world axes. `reads_robot` true: it reads the wrench that the
+    robot exerts on it, as a sensor behind a work piece does; otherwise the wrench on the robot.
+    """
+
+    on_tool: bool = False
+    position: Array | None = None
+    """None: the sensor's torque is about the tool's tip already."""
+    rotation: Array | None = None
+    reads_robot: bool = True
+
+
+def without_phase(values: Array, rate: float, cut_off: float = LOW_PASS) -> Array:
+    """A second-order Butterworth low-pass forwards and backwards, as in the paper; rates in Hz."""
+    from scipy.signal import butter, filtfilt
+
+    b, a = butter(2, cut_off, fs=rate)
+    return np.asarray(filtfilt(b, a, values, axis=0))
+
+
+@dataclass(frozen=True)
+class ToolPath:
+    """The tool: `time` s (n,), `position` of its tip, m, world (n, 3), `rotation` to world (n, 3, 3)."""
+
+    time: Array
+    position: Array
+    rotation: Array
+
+
+def observed(path: str | Path) -> tuple[Wrenches, ToolPath]:
+    """What a flight has observed in the air: on the robot, about the tool's tip, world axes.
+
+    Take-off and landing are left out: there, the ground exerts a wrench, too.
+    """
+    from scipy.spatial.transform import Rotation
+
+    flight = log.Log(path)
+    vehicle = Config.from_text(flight.configuration).vehicle
+    wrench, state, phases = (flight.columns(topic) for topic in ("/wrench", "/state", "/flight"))
+    rotation = Rotation.from_quat(state["orientation"])
+    tool = rotation * Rotation.from_matrix(vehicle.tool_rotation)
+    tip = state["position_w"] + rotation.apply(vehicle.tool_position)
+    aloft = np.isin(phases["phase"], ALOFT)
+    count = min(len(tip), len(aloft), len(wrench["log_time"]))
+    keep = np.flatnonzero(aloft[:count])
+    if len(keep) < 2:
+        raise ValueError(f"{path}: nothing is flown; expected a flight with contact")
+    parts = [wrench[f"tool_w.{part}"][keep] for part in ("force", "torque")]
+    time = state["log_time"][keep]
+    return Wrenches(time, np.hstack(parts)), ToolPath(time, tip[keep], tool[keep].as_matrix())
+
+
+def read_sensor(path: str | Path, topic: str | None = None) -> Stream:
+    """A sensor's table or topic: `time` and force and torque by their usual names (docs/recordings.md).
+
+    Raises:
+        ValueError: There is none, or several.
+    """
+    streams = readers.read(Path(path))
+    if topic is not None:
+        streams = [stream for stream in streams if stream.place.endswith(topic)]
+    whole = [
+        s
+        for s in streams
+        if len(s.find("sensor_force")) == len(s.find("sensor_torque")) == 3 and s.find("time")
+    ]
+    if len(whole) != 1:
+        found = "none" if not whole else ", ".join(stream.place for stream in whole)
+        raise ValueError(
+            f"{path}: expected one sensor with time, force_x, force_y, force_z, torque_x, torque_y and "
+            f"torque_z; found {found}" + (": name one with --topic" if whole else "")
+        )
+    return whole[0]
+
+
+def sensed(stream: Stream) -> Wrenches:
+    """The sensor's own readings: its clock, its axes, torque about its own origin."""
+    parts = [stream.find("time")[""]]
+    for quantity in ("sensor_force", "sensor_torque"):
+        columns = stream.find(quantity)
+        parts += [columns[axis] for axis in QUANTITIES[quantity].axes]
+    rows = np.column_stack(parts)
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
+    if len(rows) < 10:
+        raise ValueError(f"{stream.place} holds {len(rows)} readings; expected at least 10")
+    step = float(np.median(np.diff(rows[:, 0])))
+    if step > 0.1:
+        raise ValueError(
+            f"{stream.place}: the time rises by {step:.4g} each reading; expected seconds, 10 Hz at least: "
+            "say another unit in the column's name, such as 'time [ns]'"
+        )
+    return Wrenches(rows[:, 0], rows[:, 1:])
+
+
+def compare(
+    flight: Wrenches,
+    tool: ToolPath,
+    sensor: Wrenches,
+    mounting: Mounting,
+    *,
+    offset: float | None = None,
+    tare: tuple[float, float] | None = None,
+) -> Comparison:
+    """Puts both on one clock and into tool axes, and low-passes them.
+
+    Without `offset` the clocks are put together at the largest correlation of the two, which then hides the
+    observer's lag.
+
+    Args:
+        flight: What was observed: on the robot, about the tool's tip, world axes.
+        tool: Where the tool was.
+        sensor: The sensor's readings, about its origin, its axes.
+        mounting: Where it is.
+        offset: To be added to the sensor's times, s; None to find it.
+        tare: A time without contact, s since `flight` begins: the sensor's mean there is its zero.
+
+    Raises:
+        ValueError: The two have no contact in common.
+    """
+    begin = float(flight.time[0])
+    grid = np.arange(begin, flight.time[-1], 1.0 / RATE)
+    turn = np.eye(3) if mounting.rotation is None else mounting.rotation
+    sign = -1.0 if mounting.reads_robot else 1.0
+    fixed = sign * np.hstack([sensor.wrench[:, :3] @ turn.T, sensor.wrench[:, 3:] @ turn.T])
+    path = np.stack([_at(tool.time, column, grid) for column in tool.rotation.reshape(-1, 9).T], axis=1)
+    rotation, tip = path.reshape(-1, 3, 3), _resampled(tool.time, tool.position, grid)
+    in_world = _smooth(_resampled(flight.time, flight.wrench, grid))
+    in_tool = _turned(np.swapaxes(rotation, 1, 2), in_world)
+    if offset is None:
+        # Where the sensor is fixed, it has to be one frame: a mean tip will do.
+        about_tip = fixed
+        if mounting.position is not None:
+            lever = mounting.position - (0.0 if mounting.on_tool else tip.mean(axis=0))
+            about_tip = _moved(fixed, lever)
+        offset = _offset(grid, in_tool if mounting.on_tool else in_world, Wrenches(sensor.time, about_tip))
+    time = sensor.time + offset
+    inside = (grid >= time[0]) & (grid <= time[-1])
+    if inside.sum() < 2 * RATE:
+        raise ValueError(
+            f"flight and sensor share {inside.sum() / RATE:.2f} s where the sensor's times are moved by "
+            f"{offset:.3f} s; expected 2 s at least"
+        )
+    theirs = _resampled(time, fixed, grid)
+    if mounting.position is not None:
+        theirs = _moved(theirs, mounting.position - (0.0 if mounting.on_tool else tip))
+    if not mounting.on_tool:
+        theirs = _turned(np.swapaxes(rotation, 1, 2), theirs)
+    theirs = _smooth(theirs)
+    if tare is not None:
+        still = (grid - begin >= tare[0]) & (grid - begin <= tare[1]) & inside
+        if not still.any():
+            raise ValueError(
+                f"the sensor has no reading from {tare[0]} to {tare[1]} s; expected a time without contact"
+            )
+        theirs = theirs - theirs[still].mean(axis=0)
+    ours, theirs = in_tool[inside], theirs[inside]
+    return Comparison(grid[inside] - begin, ours, theirs, offset, _correlation(ours, theirs))
+
+
+def _at(time: Array, values: Array, at: Array) -> Array:
+    return np.asarray(np.interp(at, time, values))
+
+
+def _resampled(time: Array, values: Array, at: Array) -> Array:
+    """Means over the steps of `at` where the values come faster, linear between them otherwise."""
+    step = float(np.median(np.diff(time)))
+    width = max(1, round(1.0 / RATE / step))
+    kernel = np.ones(width) / width
+    columns = [
+        np.convolve(np.pad(c, width, mode="edge"), kernel, mode="same")[width:-width] for c in values.T
+    ]
+    return np.stack([_at(time, column, at) for column in columns], axis=1)
+
+
+def _smooth(values: Array) -> Array:
+    return without_phase(values, RATE)
+
+
+def _turned(rotation: Array, wrench: Array) -> Array:
+    return np.hstack([np.einsum("nij,nj->ni", rotation, part) for part in (wrench[:, :3], wrench[:, 3:])])
+
+
+def _moved(wrench: Array, lever: Array) -> Array:
+    """The torque about a point from which the old one is at `lever`."""
+    return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
+
+
+def _offset(grid: Array, ours: Array, sensor: Wrenches) -> float:
+    """What to add to the sensor's times: the largest correlation of all six components."""
+    from scipy.signal import correlate
+
+    theirs_at = np.arange(sensor.time[0], sensor.time[-1], 1.0 / RATE)
+    if len(theirs_at) < 2 * RATE:
+        raise ValueError(f"the sensor's readings last {len(theirs_at) / RATE:.2f} s; expected 2 s at least")
+    theirs = _smooth(_resampled(sensor.time, sensor.wrench, theirs_at))
+    a, b = ((signal - signal.mean(axis=0)) * IN_NEWTON for signal in (ours, theirs))
+    shared = correlate(np.ones(len(a)), np.ones(len(b)))
+    # Each lag by the sizes of what overlaps there, so that a short overlap does not win.
+    power_a = correlate(np.sum(a**2, axis=1), np.ones(len(b)))
+    power_b = correlate(np.ones(len(a)), np.sum(b**2, axis=1))
+    product = np.sum([correlate(a[:, k], b[:, k]) for k in range(6)], axis=0)
+    known = shared > COMMON * min(len(a), len(b))
+    # Nor does one where there is hardly a signal.
+    power_a, power_b = (np.maximum(power, CONTACT * np.max(power)) for power in (power_a, power_b))
+    alike = np.where(known, product / np.sqrt(power_a * power_b + 1e-12), 0.0)
+    best = int(np.argmax(alike))
+    if alike[best] < ALIKE:
+        opposite = "; the opposite sign fits better: see --reads" if -alike[known].min() > ALIKE else ""
+        raise ValueError(
+            f"the sensor's readings are not like the observed wrench: largest correlation {alike[best]:.2f}, "
+            f"expected {ALIKE} at least{opposite}"
+        )
+    part = 0.0
+    if 0 < best < len(alike) - 1:
+        before, at, after = alike[best - 1 : best + 2]
+        part = 0.5 * (before - after) / (before - 2 * at + after)
+    return float(grid[0] - theirs_at[0] + (best - (len(b) - 1) + part) / RATE)
+
+
+def _correlation(a: Array, b: Array) -> float:
+    a, b = ((signal - signal.mean(axis=0)) * IN_NEWTON for signal in (a, b))
+    return float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b)))
+
+
+def norms(time: Array, estimate: Array, sensor: Array) -> Figure:
+    """The layout of the paper's figure 4: both wrenches, and the norms of their difference with a line."""
+    import matplotlib.pyplot as plt
+
+    figure, grid = plt.subplots(2, 2, figsize=(14, 8), sharex=True, layout="constrained")
+    for row, name, first in ((grid[0], "force (N)", 0), (grid[1], "torque (N m)", 3)):
+        ours, theirs = estimate[:, first : first + 3], sensor[:, first : first + 3]
+        for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
+            row[0].plot(time, theirs[:, k], "--", color=colour, lw=1.0)
+            row[0].plot(time, ours[:, k], color=colour, lw=0.8, label="xyz"[k])
+        norm = np.linalg.norm(ours - theirs, axis=1)
+        row[1].plot(time, norm, lw=0.8)
+        row[1].plot(time, np.polyval(np.polyfit(time, norm, 1), time), "r", lw=1.0)
+        row[0].set_title(f"{name}: estimated, sensor dashed", fontsize=10, loc="left")
+        row[1].set_title("norm of the difference, and a line through it", fontsize=10, loc="left")
+        row[0].legend()
+    for axes in grid[1]:
+        axes.set_xlabel("time (s)")
+    return figure
+
+
+def components(time: Array, estimate: Array, sensor: Array) -> Figure:
+    """One row a component: forces left, torques right, sensor dashed, and their difference below in grey."""
+    import matplotlib.pyplot as plt
+
+    figure, grid = plt.subplots(3, 2, figsize=(14, 9), sharex=True, layout="constrained")
+    for k, name in enumerate(NAMES):
+        axes = grid[k % 3, k // 3]
+        axes.plot(time, estimate[:, k] - sensor[:, k], color="0.7", lw=0.8, label="difference")
+        axes.plot(time, sensor[:, k], "k--", lw=1.0, label="sensor")
+        axes.plot(time, estimate[:, k], color="tab:blue", lw=1.0, label="estimated")
+        axes.set_title(f"{name}, tool axes ({'N' if k < 3 else 'N m'})", fontsize=10, loc="left")
+    grid[0, 0].legend(ncols=3)
+    for axes in grid[2]:
+        axes.set_xlabel("time (s)")
+    return figure
+
+
+def add_parser(commands: Any) -> None:
+    """Adds the subcommand."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "compare", help="compare the observed wrench with a force-torque sensor", description=__doc__
+    )
+    parser.add_argument("log", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
+    parser.add_argument(
+        "sensor", type=Path, metavar="SENSOR", help="the sensor's table (.csv) or messages (.mcap)"
+    )
+    parser.add_argument("--topic", help="the sensor's topic, where the file has several")
+    parser.add_argument(
+        "--fixed-to",
+        choices=("world", "tool"),
+        default="world",
+        help="what the sensor is fixed to (default: world)",
+    )
+    parser.add_argument(
+        "--rotation-deg",
+        type=float,
+        nargs=3,
+        metavar=("R", "P", "Y"),
+        help="the sensor's axes in those of what it is fixed to",
+    )
+    parser.add_argument(
+        "--position",
+        type=float,
+        nargs=3,
+        metavar=("X", "Y", "Z"),
+        help="its origin there, m (default: the tool's tip)",
+    )
+    parser.add_argument(
+        "--reads",
+        choices=("robot", "environment"),
+        default="robot",
+        help="what exerts the wrench that it reads (default: robot, as behind a work piece)",
+    )
+    parser.add_argument(
+        "--offset", type=float, metavar="S", help="add to the sensor's times; else found by correlation"
+    )
+    parser.add_argument(
+        "--tare",
+        type=float,
+        nargs=2,
+        metavar=("BEGIN", "END"),
+        help="a time without contact, s since take-off",
+    )
+    parser.add_argument(
+        "--out", type=Path, help="pictures to write: OUT-norms.png, OUT-components.png; LOG by default"
+    )
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    import matplotlib as mpl
+    from scipy.spatial.transform import Rotation
+
+    mpl.use("Agg")
+    turn = arguments.rotation_deg
+    mounting = Mounting(
+        on_tool=arguments.fixed_to == "tool",
+        position=None if arguments.position is None else np.array(arguments.position),
+        rotation=None if turn is None else Rotation.from_euler("ZYX", turn[::-1], degrees=True).as_matrix(),
+        reads_robot=arguments.reads == "robot",
+    )
+    sensor = sensed(read_sensor(arguments.sensor, arguments.topic))
+    found = compare(*observed(arguments.log), sensor, mounting, offset=arguments.offset, tare=arguments.tare)
+    print(found)
+    stem = arguments.out or arguments.log.with_suffix("")
+    for name, draw in (("norms", norms), ("components", components)):
+        path = stem.with_name(f"{stem.name}-{name}.png")
+        draw(found.time, found.observed, found.sensor).savefig(path, dpi=120)
+        print(path)
