@@ -197,7 +197,7 @@ impl AttitudeSelector {
     }
 
     /// The reference of the centre of mass for one of the tool: in the wanted attitude, at the place where the
-    /// turn so far leads it, `dt` seconds after the last.
+    /// present turn leads it, `dt` seconds after the last call.
     #[must_use]
     pub fn reference(&self, state: &mut AttitudeState, tool_reference: &Setpoint, dt: f64) -> Reference {
         let full = admittance::centre_of_mass_reference(tool_reference, &self.tool);
@@ -270,7 +270,7 @@ impl AttitudeSelector {
     }
 
     /// The least rotation vector, wanted body coordinates, whose turn makes the
-    /// force possible; none where no turn does.
+    /// force possible; `None` if no turn does.
     fn turn(
         &self,
         state: &mut AttitudeState,
@@ -298,7 +298,7 @@ impl AttitudeSelector {
         Some(if cosine > 0.0 { Vector3::zeros() } else { half_turn })
     }
 
-    /// The possible force nearest to `force_r` of those as large, if there are any; by cutting
+    /// The possible force of the same size that is nearest to `force_r`, if there is one; by cutting
     /// planes of the section, each before the last guess.
     fn nearest_of_size(
         &self,
@@ -319,8 +319,8 @@ impl AttitudeSelector {
     }
 }
 
-/// The largest step below [`STEPS`] that is allowed, and what it gives; of step 0 that is known. Where it
-/// was last is tried first, then what is ever farther from there, then halves.
+/// The largest allowed step below [`STEPS`], and its turn; that of step 0 is known. The step of
+/// the last call is tried first, then steps farther and farther from it, then halves.
 fn largest(last: u16, at_none: Vector3, mut allowed: impl FnMut(u16) -> Option<Vector3>) -> (Vector3, u16) {
     let (mut best, mut low, mut high) = (at_none, 0, STEPS);
     let (mut next, mut reach) = (last, 1);

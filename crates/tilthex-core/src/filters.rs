@@ -59,7 +59,7 @@ pub fn lag_fraction(rate: f64, dt: f64) -> f64 {
     -libm::expm1(-rate * dt)
 }
 
-/// Shortens `v` by `threshold`, to zero where it is not longer: continuous.
+/// Shortens `v` by `threshold`; a vector that is not longer becomes zero. The result is continuous.
 #[must_use]
 pub fn dead_zone(v: &Vector3, threshold: f64) -> Vector3 {
     let norm = v.norm();

@@ -98,7 +98,7 @@ impl Vehicle {
     /// `rotor_time_constant` is that of the speed's first-order lag, s.
     ///
     /// # Errors
-    /// Names the parameter or the rotor that cannot be. A vehicle needs all
+    /// Names the parameter or the rotor with an impossible value. A vehicle needs all
     /// three torques and a force besides; what it tracks is its [`Actuation`].
     pub fn new(
         mass: f64,

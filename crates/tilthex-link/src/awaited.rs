@@ -1,9 +1,9 @@
 //! Whether a tick should wait a moment for an inertial sample.
 
-/// Ticks without a sample after which the stream counts as off.
+/// After this many ticks without a sample the stream counts as off.
 const PATIENCE: u32 = 10;
 
-/// What a look at the bytes of a tick says of its inertial sample.
+/// The inertial sample of a tick, by a look at its bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InertialDue {
     /// The stream runs, so that each tick should have a sample.

@@ -1,26 +1,26 @@
-//! What stands between a decoded sample and the estimator: the protocol has no
-//! checksum, so a flipped bit yields a well-formed sample.
+//! The check between a decoded sample and the estimator. A protocol without a
+//! checksum needs it: a flipped bit gives a well-formed sample.
 
 use crate::bump;
 use tilthex_core::error::{Error, check_range};
 
-/// What a stream of `N` numbers can be.
+/// Limits of a stream of `N` numbers, in the units of the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GateParams<const N: usize> {
-    /// Smallest of each.
+    /// Smallest value of each number.
     pub min: [f64; N],
-    /// Largest of each.
+    /// Largest value of each number.
     pub max: [f64; N],
-    /// Largest change of each from one sample to the next; infinity for any.
+    /// Largest change of each number from one sample to the next; infinity allows any change.
     pub jump: [f64; N],
-    /// A jump is believed once this many samples in a row agree with it.
+    /// A jump is accepted once this many samples in a row agree with it.
     pub patience: u8,
-    /// Nor are more than this many samples in a row refused for their jumps, without a gap: a stream
-    /// that shakes, as in an impact, agrees with nothing, and what it says still counts.
+    /// At most this many samples in a row, without a gap, are refused for their jumps: in an impact,
+    /// samples agree with nothing, but they still count.
     pub longest: u8,
 }
 
-/// What a gate says of a sample.
+/// The result of the check of a sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It may pass.
@@ -54,10 +54,10 @@ pub struct Gate<const N: usize> {
 }
 
 impl<const N: usize> Gate<N> {
-    /// A gate that nothing passed yet.
+    /// A gate that no sample has passed yet.
     ///
     /// # Errors
-    /// When a range is empty or not finite, or a jump is negative or NaN.
+    /// [`Error::OutOfRange`] if a range is empty or not finite, or a jump is negative or NaN.
     pub fn new(params: GateParams<N>) -> Result<Self, Error> {
         for ((&min, &max), &jump) in params.min.iter().zip(&params.max).zip(&params.jump) {
             check_range("gate minimum", min, f64::MIN, max)?;
@@ -102,7 +102,7 @@ impl<const N: usize> Gate<N> {
             return Verdict::Pass;
         }
         self.candidate = Some((*sample, agreeing));
-        // Gaps are a broken line's, not an impact's.
+        // A broken line makes gaps; an impact does not.
         self.refused_in_a_row = if lost == 0 { self.refused_in_a_row.saturating_add(1) } else { 1 };
         bump(&mut self.counters.jumps);
         Verdict::Jump
@@ -114,7 +114,7 @@ impl<const N: usize> Gate<N> {
         self.interrupt();
     }
 
-    /// A sample came that is no measurement: those around it are not in a row.
+    /// A sample that is no measurement has come: the samples before and after it are not in a row.
     pub fn interrupt(&mut self) {
         self.candidate = None;
         self.refused_in_a_row = 0;

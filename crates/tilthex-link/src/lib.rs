@@ -5,7 +5,7 @@
 //! the clock of each numbered stream, the gates on its samples, and the
 //! conversation with the vehicle's board. The flight knows none of it.
 //!
-//! One folder a link; [`tk3`] is the first. `docs/howto/link.md` says how a
+//! Each link has one folder; [`tk3`] is the first. `docs/howto/link.md` says how a
 //! link is added: a folder, and its line in the `registry` module.
 //!
 //! `no_std`, no allocation, no unsafe. The feature `board` adds the other end of each link, for simulated vehicles, which allocates.
@@ -35,7 +35,7 @@ pub use wire::{MAX_BYTES_IN, Wire};
 
 use tilthex_core::flight::{MotorCommand, Telemetry};
 
-/// What a link is set up with.
+/// Parameters of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkParams {
     /// Period of the inertial stream, us.
@@ -44,11 +44,11 @@ pub struct LinkParams {
     pub motor_period_us: u32,
     /// Period of the battery stream, us.
     pub battery_period_us: u32,
-    /// Units of the IMU's counts; None takes those known of the board.
+    /// Units of the IMU's counts; `None` uses the units that are known for the board.
     pub scales: Option<tk3::ImuScales>,
 }
 
-/// Lengths of a link's frames on the line, bytes: what its streams take of a serial line.
+/// Lengths of a link's frames on the line, bytes. They say how much of a serial line the streams use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameLengths {
     /// An inertial sample.
@@ -67,10 +67,10 @@ pub struct FrameLengths {
 /// [`receive`](Self::receive) for all of them, then [`command`](Self::command).
 /// None of them waits, allocates or panics.
 pub trait VehicleLink {
-    /// Looks at bytes that have just come and belong to this tick, in their
-    /// order, before [`receive`](Self::receive) takes them: whether an inertial
+    /// Looks at bytes of this tick that have just arrived, in their
+    /// order, before [`receive`](Self::receive) takes them. Says whether an inertial
     /// sample is due, and whether it has arrived. The loop looks at the port
-    /// again while one is due that has not arrived.
+    /// again while a sample is due that has not arrived.
     fn look(&mut self, bytes: &[u8]) -> InertialDue;
 
     /// Takes all bytes of a tick at `now` (s, the host's monotonic clock). What
@@ -78,22 +78,22 @@ pub trait VehicleLink {
     /// flight can be repeated bit for bit.
     fn receive(&mut self, bytes: &[u8], now: f64) -> &Telemetry;
 
-    /// What the last [`receive`](Self::receive) returned.
+    /// The telemetry that the last [`receive`](Self::receive) returned.
     fn telemetry(&self) -> &Telemetry;
 
     /// A text that came with the last [`receive`](Self::receive).
     fn text(&self) -> Option<(Severity, Text)>;
 
-    /// Writes a command for the motors and whatever the conversation needs at `now` (s).
+    /// Writes a command for the motors, and every other message that the protocol needs at `now` (s).
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing);
 
     /// Lengths of its frames on the line, bytes.
     fn frames(&self) -> FrameLengths;
 
-    /// Whether the other end is no vehicle that this link knows.
+    /// Whether the link has given up: no vehicle that it knows has answered.
     fn refused(&self) -> bool;
 
-    /// Writes what ends the conversation: the streams stop. It neither stops nor starts motors.
+    /// Writes the messages that end the conversation: the streams stop. It neither stops nor starts motors.
     fn part(&mut self, out: &mut Outgoing);
 }
 

@@ -1,23 +1,24 @@
 //! The delay of a line that was fine before: numbered samples that all come later than they used to.
 
-/// Later than before by this much, s, for this long, s: the line is late.
+/// If samples come later than before by this much, s, for this long, s, the line is late.
 const LATE: f64 = 0.009;
 const LATE_FOR: f64 = 0.05;
-/// Within this of what it was, s, for this long, s: it is fine again.
+/// If the delay is within this of the usual one, s, for this long, s, the line is no longer late.
 const FINE: f64 = 0.006;
 const FINE_FOR: f64 = 0.5;
-/// What differs by more, s, was numbered anew: it tells nothing of the line.
+/// A larger difference, s, means that the numbers began anew: it says nothing about the line.
 const NUMBERED_ANEW: f64 = 0.25;
-/// Clocks that drift apart move what is usual: slowly towards later, s, and quickly towards earlier.
+/// Time constants of the usual delay, s, which clocks that drift apart change: slowly towards later, quickly towards
+/// earlier.
 const SLOWLY: f64 = 0.3;
 const QUICKLY: f64 = 0.02;
 
-/// Arrival times by sample numbers.
+/// Arrival times, compared with the times by sample numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDelay {
     /// Usual difference of arrival and the sample's own time, s, and the last arrival, s.
     usual: Option<(f64, f64)>,
-    /// Since when the line has differed from what it counts as, s.
+    /// Time since which the line has differed from its present state, s.
     since: Option<f64>,
     late: bool,
     delay: f64,
@@ -43,7 +44,7 @@ impl LineDelay {
             (self.late, self.since) = (!self.late, None);
         }
         self.delay = if self.late { excess.max(0.0) } else { 0.0 };
-        // What is late does not become usual; a host that was held up reads many samples at once.
+        // A late sample does not change the usual delay; a host that was held up reads many samples at once.
         let passed = (arrival - last).max(0.0);
         let constant = if excess > 0.0 { SLOWLY } else { QUICKLY };
         let share = if self.late && excess > 0.0 { 0.0 } else { (passed / constant).min(1.0) };

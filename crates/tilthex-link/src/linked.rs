@@ -21,11 +21,11 @@ pub struct WireInput<'a> {
     pub poses: &'a [PoseSample],
     /// An order.
     pub command: Option<&'a Command>,
-    /// What only the host can see.
+    /// Facts that only the host can observe.
     pub host: HostFacts,
 }
 
-/// What a tick gives: bytes for the vehicle, and a record of all it did.
+/// The output of a tick: bytes for the vehicle, and a record of the tick.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct LinkedOutput {
     /// The bytes of the tick; `wire.sent` is to be written.
@@ -34,7 +34,7 @@ pub struct LinkedOutput {
     pub commanded: Commanded,
 }
 
-/// What a flight and its link are set up with.
+/// Parameters of a flight and its link.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkedParams {
     /// Which link the vehicle speaks.
@@ -55,7 +55,7 @@ pub struct LinkedFlight {
 }
 
 impl LinkedFlight {
-    /// A flight that has not begun, over a link on which nothing came yet; `route` is flown after take-off.
+    /// A flight that has not begun, over a link that has not received anything yet; `route` is flown after take-off.
     ///
     /// # Errors
     /// The first parameter that a block refuses.
@@ -67,7 +67,7 @@ impl LinkedFlight {
         })
     }
 
-    /// One tick: receives, flies, and says what to send.
+    /// One tick: receives bytes, runs the flight, and writes the bytes to send.
     pub fn tick(&mut self, input: &WireInput<'_>, out: &mut LinkedOutput) {
         out.wire.begin(input.bytes);
         let measured = Measured {

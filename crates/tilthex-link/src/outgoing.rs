@@ -1,9 +1,9 @@
 //! Bytes on their way to the vehicle.
 
-/// Most bytes that a tick sends.
+/// Largest number of bytes that a tick sends.
 pub const MAX_BYTES_OUT: usize = 128;
 
-/// The bytes of one tick, whole frames, of fixed capacity.
+/// The bytes of one tick: complete frames, in a buffer of fixed capacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outgoing {
     buffer: [u8; MAX_BYTES_OUT],
@@ -28,8 +28,8 @@ impl Outgoing {
         self.length = 0;
     }
 
-    /// Appends a frame that `encode` writes and returns the length of; one that
-    /// does not fit is left out whole.
+    /// Appends a frame. `encode` writes it and returns its length, bytes; a frame that
+    /// does not fit is left out.
     pub fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
         if let Some(free) = self.buffer.get_mut(self.length..) {
             self.length += encode(free);

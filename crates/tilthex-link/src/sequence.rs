@@ -7,23 +7,23 @@ use tilthex_core::{
     error::{Error, check_range},
 };
 
-/// What became of a numbered sample.
+/// The result for a numbered sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Arrival {
-    /// A new one, made at a time, after this many that were lost.
+    /// A new sample.
     New {
         /// When it was made, s on the host's clock; never before the one
         /// before, never after its arrival.
         time: f64,
         /// Samples lost since the one before.
         lost: u32,
-        /// What it did to the clock of the stream.
+        /// The effect on the clock of the stream.
         event: ClockEvent,
     },
-    /// The same number again: to be dropped.
+    /// The same number again: the sample is dropped.
     Duplicate,
     /// A number that neither the clock nor its neighbour supports: probably a
-    /// flipped bit. The sample may be good; when it was made is not known.
+    /// flipped bit. The sample may be good; its time is not known.
     Suspect,
 }
 
@@ -32,11 +32,11 @@ pub enum Arrival {
 pub struct SequenceCounters {
     /// New samples.
     pub new: u32,
-    /// Samples that never came.
+    /// Samples that never arrived.
     pub lost: u32,
     /// Samples that came again.
     pub duplicates: u32,
-    /// Numbers that nothing supports.
+    /// Samples with a number that nothing supports.
     pub suspect: u32,
 }
 
@@ -60,10 +60,10 @@ pub struct SequenceClock {
 }
 
 impl SequenceClock {
-    /// After a silence of this many periods the numbers say nothing: the clock starts anew.
+    /// After a silence of this many periods the numbers have no meaning: the clock starts anew.
     const SILENCE: f64 = 128.0;
 
-    /// A stream with a period in s, of which nothing came yet. Stamps may
+    /// A stream with a period in s that has not received a sample yet. Stamps may
     /// differ by four periods, or by the parameters' jump where that is larger.
     ///
     /// # Errors
@@ -75,7 +75,7 @@ impl SequenceClock {
         Ok(Self { period, clock, last: None, counters: SequenceCounters::default() })
     }
 
-    /// Takes the number of a sample that arrived at a time, s.
+    /// Takes the number of a sample that arrived at a time, s on the host's clock.
     pub fn step(&mut self, number: u8, arrival: f64) -> Arrival {
         let Some(last) = self.last else {
             let stamp = self.clock.step(0.0, arrival);

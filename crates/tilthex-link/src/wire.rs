@@ -2,10 +2,10 @@
 
 use crate::{Outgoing, Severity, Text};
 
-/// Most bytes that a tick takes from the link: five times what a vehicle sends in a period.
+/// Largest number of bytes that a tick takes from the link: five times the bytes of a vehicle in a period.
 pub const MAX_BYTES_IN: usize = 512;
 
-/// What passed over the wire in one tick, of fixed size.
+/// The bytes of one tick in both directions, in buffers of fixed size.
 #[derive(Clone, Copy, Debug)]
 pub struct Wire {
     received: [u8; MAX_BYTES_IN],

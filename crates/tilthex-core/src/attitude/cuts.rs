@@ -27,7 +27,7 @@ impl Sphere {
         Self { wanted, size: wanted.norm(), planes: [Plane::default(); PLANES], count: 0 }
     }
 
-    /// Adds a plane; in place of the one farthest from the wanted force where there are too many.
+    /// Adds a plane; if there are too many, it replaces the one that is farthest from the wanted force.
     pub(super) fn cut(&mut self, plane: Plane) {
         if self.count < PLANES {
             self.planes[self.count] = plane;

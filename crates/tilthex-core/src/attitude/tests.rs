@@ -65,7 +65,7 @@ proptest! {
         }
     }
 
-    /// Nothing is ever not a number, nor is a turn for horizontal force larger than allowed.
+    /// Every result is a number, and a turn for horizontal force is never larger than allowed.
     #[test]
     fn anything_is_survived(f in prop::array::uniform3(prop_oneof![-1e3..1e3f64, Just(0.0), Just(1e12), Just(-1e12)]), r in rotation(), lost in 0..64u16) {
         for vehicle in [tilt_hex(), collinear()] {
@@ -150,7 +150,7 @@ proptest! {
         prop_assert!((end - tool).norm() < 1e-4, "{end}");
     }
 
-    /// Leading the centre of mass never takes more force than 0.57 of what the turn gives: the filter's impulse
+    /// Leading the centre of mass never takes more than 0.57 of the force that the turn gives: the filter's impulse
     /// response, integrated without its sign, is `(2 + 2 / e^2) w^2`.
     #[test]
     fn leading_takes_less_than_a_turn_gives(
@@ -252,7 +252,7 @@ fn a_level_attitude_keeps_the_heading() {
     assert!(std::string::ToString::to_string(&refused).contains("zero-tilt"));
 }
 
-/// Of forces neither too large nor too small every one is possible after some turn; rare
+/// Every force that is neither too large nor too small is possible after some turn; rare
 /// corners of the section are in here.
 #[test]
 fn a_turn_is_found_wherever_there_is_one() {

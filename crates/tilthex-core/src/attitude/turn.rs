@@ -1,4 +1,4 @@
-//! The turn from the wanted to the chosen attitude, moved as the rotors can.
+//! The turn from the wanted to the chosen attitude, as fast as the rotors allow.
 //!
 //! A filter of third order: the turn follows its target with a bounded angular
 //! acceleration that itself changes only as fast as the rotors' lag lets it. Far
@@ -18,11 +18,11 @@ use libm::{cos, exp, fabs, sin, sqrt};
 const SHARE: f64 = 0.5;
 /// Part of a turn's acceleration that braking counts on: it, too, comes with the lag.
 const BRAKING: f64 = 0.5;
-/// The wanted attitude jumped where it is this far, rad, from where its angular velocity leads.
+/// If the wanted attitude is this far, rad, from the one that its angular velocity predicts, it has jumped.
 const JUMP: f64 = 0.08;
 /// Largest product of bandwidth and period; a slower filter above it stays stable.
 const LARGEST_STEP: f64 = 0.2;
-/// Turns and rates below this, rad and rad/s, are none.
+/// Turns and rates below this, rad and rad/s, count as zero.
 const NONE: f64 = 1e-9;
 
 /// Largest angular accelerations of a turn, rad/s^2.

@@ -66,12 +66,12 @@ impl Flight {
                     if guided.learn_bias {
                         self.watch_learning();
                     }
-                    // Without its attitude, thrust only carries it away.
+                    // If the attitude is not known, thrust only drives the vehicle away.
                     if self.attitude_lost() {
                         self.command = self.min_speeds;
                     }
                 } else {
-                    // Whatever is not finite must not stay in the memory of the laws.
+                    // A value that is not finite must not stay in the state of the laws.
                     self.not_finite = true;
                     let bias_r = self.control.bias_r;
                     self.control = ControllerState::default();
@@ -109,7 +109,7 @@ impl Flight {
 
     /// How an emergency goes down now.
     pub(super) fn descent(&self) -> Descent {
-        // A NaN is not known either.
+        // A NaN counts as unknown.
         let known = self.known.is_some() || self.estimator.health().velocity_deviation <= VELOCITY_DEVIATION;
         if self.supervisor.active().contains(Fault::LandingFails) {
             return Descent::Forced;
@@ -121,8 +121,8 @@ impl Flight {
         }
     }
 
-    /// Whether there is no getting the attitude back: turned over, or in a spin past the gyro's range,
-    /// without what it takes to know it or to hold it.
+    /// Whether the attitude cannot be recovered: the vehicle is turned over, or spins beyond the gyro's range,
+    /// and nothing measures or holds its attitude.
     fn attitude_lost(&self) -> bool {
         let active = self.supervisor.active();
         let unfelt = active.contains(Fault::ImuSilent);

@@ -22,7 +22,7 @@ pub struct AirborneStart {
 }
 
 impl Flight {
-    /// Begins in the air in place of on the ground: no take-off, no hover to learn a bias from.
+    /// Begins in the air instead of on the ground: without take-off and without the hover that learns the bias.
     ///
     /// # Errors
     /// A pose that the estimator refuses.

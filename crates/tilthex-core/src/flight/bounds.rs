@@ -29,7 +29,7 @@ pub(super) struct Bounds {
     descent: Option<Progress>,
 }
 
-/// What is out of bounds.
+/// The bound that is crossed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outside {
     /// The vehicle is outside the fence.
@@ -49,7 +49,7 @@ impl Bounds {
         self.start_w
     }
 
-    /// Height above the ground that the flight began on, m; none where it began in the air.
+    /// Height above the ground that the flight began on, m; `None` if it began in the air.
     pub(super) fn height(&self, position_w: &Vector3) -> Option<f64> {
         self.start_w.filter(|_| self.on_ground).map(|start_w| position_w.z - start_w.z)
     }

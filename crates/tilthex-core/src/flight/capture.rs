@@ -15,7 +15,7 @@ use crate::{
     vehicle::Vehicle,
 };
 
-/// A gyro's bias has left what it was at rest by more than this, rad/s: then it is the IMU that is in doubt.
+/// If a gyro's bias differs from the one at rest by more than this, rad/s, the IMU is in doubt.
 const GYRO_LEFT: f64 = 0.03;
 /// An accelerometer that is wrong explains at least this part of a contradiction.
 const PART: f64 = 0.4;
@@ -34,7 +34,7 @@ const DRIFT: (f64, f64) = (0.05, 0.1);
 const SETTLES: f64 = 0.3;
 /// If the time between two samples is longer than this, s, samples are missing.
 const GAP: f64 = 0.01;
-/// A difference of up to this many standard deviations of the estimate, and of what samples miss, is no contradiction.
+/// A difference of up to this many standard deviations (of the estimate and of the missing samples) is no contradiction.
 const DEVIATIONS: f64 = 3.0;
 
 /// A motion as the IMU alone has it.
@@ -62,7 +62,7 @@ impl Window {
     }
 }
 
-/// What is known of the capture system's honesty.
+/// Whether the capture system's poses can be true.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CaptureWatch {
     last: Option<(Vector3, Matrix3)>,
@@ -93,11 +93,11 @@ pub(super) struct Contradiction {
     pub(super) from_w: Vector3,
 }
 
-/// What is wrong where poses and IMU contradict each other.
+/// The sensor that is wrong if poses and IMU contradict each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // made once in a contradiction; a box would allocate
 pub(super) enum Verdict {
-    /// The poses: none is believed from then on.
+    /// The poses: none is used from then on.
     PosesLie(Contradiction),
     /// The gyro: its bias is not known any more.
     GyroIsOff,
@@ -109,7 +109,7 @@ impl CaptureWatch {
         self.frozen
     }
 
-    /// Whether poses contradict the IMU: none is believed from then on.
+    /// Whether poses contradict the IMU: none is used from then on.
     pub(super) fn lies(&self) -> bool {
         self.lies
     }

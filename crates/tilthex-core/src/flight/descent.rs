@@ -51,7 +51,7 @@ impl Flight {
         }
     }
 
-    /// Straight down from a pose; what it moves is brought to rest by the admittance filter.
+    /// Straight down from a pose; the admittance filter brings the reference's motion to rest.
     pub(super) fn land_from(&mut self, from: &Setpoint, retreat_w: &Vector3) {
         self.guidance.begin_landing(from, retreat_w, self.params.vehicle.tool());
         let rest = Setpoint::hold(from.position_w, from.rotation_we);

@@ -1,4 +1,4 @@
-//! The box around the start in which the vehicle stays, and what orders may ask of it.
+//! The box around the start in which the vehicle stays, and the poses that orders may command.
 
 use super::io::Route;
 use crate::{

@@ -1,4 +1,4 @@
-//! Where the set-point comes from in each phase: take-off, hover, mission, landing.
+//! The source of the set-point in each phase: take-off, hover, mission, landing.
 
 mod motions;
 
@@ -24,7 +24,7 @@ pub struct GuidanceParams {
     pub take_off_height: f64,
     /// Time at the first hover in which the wrench bias is learnt, s; 0 leaves it out.
     pub bias_time: f64,
-    /// What is flown at the first hover to learn the model from.
+    /// The calibration flight after the first hover, from which the model is learnt.
     pub calibration: Calibration,
     /// Limits of take-off and of the way to a route's first way-point.
     pub limits: Limits,
@@ -54,7 +54,7 @@ pub(super) enum Descent {
     Forced,
 }
 
-/// What is being flown.
+/// The part of the flight that is being flown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Ground,
@@ -132,7 +132,7 @@ impl Guidance {
         self.stage == Stage::Mission && self.time >= self.trajectory.duration()
     }
 
-    /// Speed of the descent that is commanded, m/s; none where it goes by thrust alone.
+    /// Commanded speed of the descent, m/s; `None` if the descent goes by thrust alone.
     pub(super) fn sinks(&self, phase: Phase, descent: Descent) -> Option<f64> {
         match (phase, descent) {
             (Phase::Emergency, Descent::Blind) => None,
@@ -170,7 +170,7 @@ impl Guidance {
         self.hover_time = 0.0;
     }
 
-    /// What follows take-off, from where it ended: the calibration, which leaves no bias to learn, or the mission.
+    /// What follows the end of take-off: the calibration, after which no bias is left to learn, or the mission.
     fn begin_calibration(&mut self, vehicle: &Vehicle) {
         self.stage = Stage::Mission;
         let kind = self.params.calibration;
@@ -206,7 +206,7 @@ impl Guidance {
         self.wrench_w = None;
     }
 
-    /// Flies a route from the present set-point. False where it cannot be.
+    /// Flies a route from the present set-point. Returns false if the route is refused.
     pub(super) fn play(&mut self, route: &Route) -> bool {
         let now = self.sample();
         let from = Waypoint {
@@ -227,7 +227,7 @@ impl Guidance {
         }
     }
 
-    /// Takes a streamed set-point. False, and the last one held, where it is
+    /// Takes a streamed set-point. Returns false, and keeps the last one, if it is
     /// not finite, no rotation, or further from the last than its rates allow.
     pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
         let last = self.sample();
@@ -241,7 +241,7 @@ impl Guidance {
         good
     }
 
-    /// The wrench to exert in place of the trajectory's.
+    /// The wrench to exert instead of the trajectory's.
     pub(super) fn set_wrench(&mut self, wrench_w: Option<Wrench>) {
         self.wrench_w = wrench_w;
     }
@@ -251,7 +251,7 @@ impl Guidance {
         self.detour.offset_w += by_w;
     }
 
-    /// Learns the bias once more, from a hover where the set-point is. False where it moves.
+    /// Learns the bias once more, from a hover at the set-point. Returns false if the set-point moves.
     pub(super) fn zero_bias(&mut self) -> bool {
         let at_rest = self.mission_done() || self.stale();
         if at_rest {

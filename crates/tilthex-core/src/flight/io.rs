@@ -1,4 +1,4 @@
-//! What goes into a tick and what comes out of it.
+//! Input and output of a tick.
 
 use super::{Telemetry, record::Record};
 use crate::{
@@ -86,14 +86,14 @@ pub enum Command {
     ZeroBias,
 }
 
-/// What only the host can see.
+/// Facts that only the host can observe.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct HostFacts {
     /// A signal, an order or the end of the duration asks to land.
     pub land: bool,
     /// The operator's order to stop the motors at once, wherever the vehicle is.
     pub kill: bool,
-    /// Nothing has been heard of the operator, whose orders are flown, for longer than is allowed.
+    /// The operator, whose orders are flown, has been silent for longer than is allowed.
     pub operator_silent: bool,
     /// The port is gone.
     pub link_lost: bool,
@@ -106,15 +106,15 @@ pub struct HostFacts {
 pub struct Measured<'a> {
     /// Now, s, monotonic.
     pub time: f64,
-    /// What the vehicle has said of itself.
+    /// The telemetry of the vehicle.
     pub telemetry: &'a Telemetry,
     /// Poses that have arrived since the last tick, at most [`MAX_POSES`].
     pub poses: &'a [PoseSample],
     /// An order.
     pub command: Option<&'a Command>,
-    /// What only the host can see.
+    /// Facts that only the host can observe.
     pub host: HostFacts,
-    /// The state, where it is known without the estimator: in a simulation that leaves it out.
+    /// The state, if it is known without the estimator: in a simulation without an estimator.
     pub known: Option<KnownState>,
 }
 
@@ -127,7 +127,7 @@ pub struct KnownState {
     pub specific_force_r: Vector3,
 }
 
-/// What the motors shall do.
+/// The command to the motors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorCommand {
     /// Every motor shall stand still.
@@ -140,12 +140,12 @@ pub enum MotorCommand {
     Turn(RotorVector),
 }
 
-/// What a tick gives: what the motors shall do, and a record of all it did.
+/// The output of a tick: the command to the motors, and a record of the tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Commanded {
-    /// For the link.
+    /// The command to the motors, for the link.
     pub motors: MotorCommand,
-    /// For the log.
+    /// The record of the tick, for the log.
     pub record: Record,
 }
 

@@ -1,12 +1,12 @@
-//! The end of a descent: whether what stops it is the ground, and what brings down a vehicle that does not come down.
+//! The end of a descent: whether the ground stops it, and how a vehicle that does not come down is forced down.
 //!
 //! Missing thrust is not the ground: whatever pushes the tool upwards looks the same. So the vehicle is unloaded
-//! first: its rotors carry less and less of the weight, by command and not by control. What stands stays where it
-//! is; what is in the air moves, and flies on.
+//! first: its rotors carry less and less of the weight, by command and not by control. A vehicle that stands stays
+//! in its place; a vehicle in the air moves, and flies on.
 
 use crate::types::Vector3;
 
-/// The part of its weight that must be carried by something before the vehicle is unloaded.
+/// Something must carry this part of the weight before the vehicle is unloaded.
 const SHARE: f64 = 0.3;
 /// A descent is blocked where the vehicle does not sink at this part of the commanded speed, for the first of BLOCKED, s, or
 /// for the second where it is higher than the ground that it took off from.
@@ -40,21 +40,21 @@ const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
 /// The ground carries a vehicle whose rotors carry at least this much less than its weight, as a part of it, where at least
 /// this part of what they lack is felt, in the mean over this time, s. The speed does not tell: without poses it may be wrong.
 const GROUND_CARRIES: (f64, f64, f64) = (0.08, 0.5, 0.3);
-/// A speed that has proved wrong is not believed for this long, s: enough to feel whether the ground carries.
+/// A speed that has proved wrong is not used for this long, s: enough to feel whether the ground carries.
 const DOUBTED: f64 = 1.5;
 /// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
 const FASTER: f64 = 5.0;
 /// A vehicle that is unloaded by force lies on something after this long, s.
 const FORCED_REST: f64 = 2.0;
 
-/// What tells of the ground.
+/// Measurements that show the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Seen {
-    /// What the rotors' thrust lacks to the weight, N.
+    /// The part of the weight that the rotors do not carry, N.
     pub(super) missing: f64,
-    /// External force by the accelerometer, N, world; none where it is not to be had.
+    /// External force by the accelerometer, N, world; `None` if it is not known.
     pub(super) observed_w: Option<Vector3>,
-    /// Commanded speed of the descent, m/s; none where it goes by thrust, without a speed.
+    /// Commanded speed of the descent, m/s; `None` if the descent goes by thrust alone.
     pub(super) sinks: Option<f64>,
     /// Speed upwards, m/s: where no speed is known, its changes are right all the same.
     pub(super) velocity: f64,
@@ -66,9 +66,9 @@ pub(super) struct Seen {
     pub(super) toppled: bool,
     /// Whether it comes down without a rotor that it takes to hover.
     pub(super) adrift: bool,
-    /// Whether it is to be brought down whatever it costs.
+    /// Whether the vehicle must come down at any cost.
     pub(super) forced: bool,
-    /// Whether the estimate is beyond hope: it says what no vehicle in a room can do.
+    /// Whether the estimate is unusable: no vehicle in a room can move like this.
     pub(super) hopeless: bool,
     /// No place in the room is higher than this above the ground, m.
     pub(super) room: f64,
@@ -80,7 +80,7 @@ pub(super) type Lift = [f64; 2];
 /// Whatever the control laws want.
 pub(super) const FREE: Lift = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// What a tick of a descent comes to.
+/// The result of a tick of a descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
     /// Down, with this lift.
@@ -120,7 +120,7 @@ struct Forced {
     unloaded: f64,
     /// Mean force upwards that is felt, N.
     felt: f64,
-    /// How far it has sunk by its speed, m, and for how long the speed is not believed, s.
+    /// How far it has sunk by its speed, m, and for how long the speed is not used, s.
     sunk: f64,
     doubted: f64,
 }
@@ -270,7 +270,7 @@ mod tests {
         room: 3.0,
     };
 
-    /// What comes of a descent in 10 s, and after what time, s, where the vehicle's speed answers the lift.
+    /// The verdict on a descent of up to 10 s, and its time, s; `seen` gives the measurements by time, s, and lift.
     fn run(seen: impl Fn(f64, Lift) -> Seen) -> (Verdict, f64) {
         let (mut landing, mut lift) = (Landing::default(), FREE);
         for k in 0..5000 {
@@ -350,7 +350,7 @@ mod tests {
             };
             assert_eq!(run(stands).0, Verdict::Down, "{drift}");
         }
-        // What cannot be is no reason to carry anything: the vehicle may lie upside down, and believe that it falls.
+        // An impossible speed is no reason to carry more: the vehicle may lie upside down while the estimate falls.
         let cannot_be = |_, _| Seen { forced: true, velocity: -20.0, hopeless: true, ..AIR };
         assert!(matches!(run(cannot_be).0, Verdict::On([_, most]) if most < 0.1 * WEIGHT));
         // In the air nothing is felt.

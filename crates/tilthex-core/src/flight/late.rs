@@ -16,7 +16,7 @@ const OBSERVER: f64 = 3.0;
 /// Ticks that are remembered.
 const TICKS: usize = 64;
 
-/// Slower gains than these, where these are faster.
+/// The same parameters, with gains that are no faster than `POSITION`, `ROTATION` and `OBSERVER`.
 pub(super) fn slowed(params: &ControllerParams) -> ControllerParams {
     let most = |gain: Vector3, limit: f64| gain.map(|x| x.min(limit));
     ControllerParams {
@@ -59,7 +59,7 @@ impl Pending {
     /// A state that is `delay` s old when a command of now takes effect, as it will be then.
     pub(super) fn ahead(&self, robot: &RobotState, delay: f64) -> RobotState {
         let (mut left, mut rate, mut turn) = (delay, Vector3::zeros(), Vector3::zeros());
-        // A tick's turn acts until the end: its share of the angle is what is left after it.
+        // A tick's turn acts until the end: its share of the angle grows with the time that is left after it.
         for (alpha, dt) in self.turns.iter().rev() {
             if left <= 0.0 {
                 break;

@@ -16,9 +16,9 @@ use crate::{
 
 /// External torques above this part of the weight at the farthest rotor are none of a good vehicle's.
 const TORQUE: f64 = 0.08;
-/// A captured body that has come this far along what is felt, m, follows it late.
+/// A captured body that has moved this far along the felt motion, m, follows it late.
 const FOLLOWS: f64 = 0.01;
-/// One that differs from what is felt to the side, by this part of the difference, goes elsewhere.
+/// If this part of the difference from the felt motion is sideways, the captured body moves in another direction.
 const ASTRAY: f64 = 0.7;
 /// A captured body that has come this far the wrong way up, m, and as a part of what is felt, shows a mirror image.
 const REVERSED: (f64, f64) = (0.02, 0.5);
@@ -29,11 +29,11 @@ const FAST: (f64, f64) = (2.0, 4.0);
 /// The first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LiftOff {
-    /// Time since the take-off began, s; none where it is over.
+    /// Time since the take-off began, s; `None` after it.
     since: Option<f64>,
     /// Until the mission begins: what poses and accelerometer say of the same motion.
     witness: Option<Witness>,
-    /// What has gone wrong.
+    /// The fault that was found.
     pub(super) fault: Option<Fault>,
 }
 
@@ -60,7 +60,7 @@ impl LiftOff {
 }
 
 impl Flight {
-    /// Watches a take-off; what is to be done at once.
+    /// Watches a take-off; returns the reaction that is needed at once.
     pub(super) fn watch_lift_off(
         &mut self,
         phase: Phase,
@@ -79,7 +79,7 @@ impl Flight {
         abort
     }
 
-    /// Looks for a fault; what is to be done at once.
+    /// Looks for a fault; returns the reaction that is needed at once.
     fn find_lift_off_fault(
         &mut self,
         phase: Phase,

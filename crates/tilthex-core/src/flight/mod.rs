@@ -1,4 +1,4 @@
-//! The whole tick, from what was measured to what the motors shall do:
+//! The complete tick, from the measurements to the command to the motors:
 //! estimator, supervisor, guidance, controller. It knows no link and no bytes.
 //!
 //! It depends on nothing but its inputs: the real-time loop, the fault campaign
@@ -73,7 +73,7 @@ pub struct FlightParams {
     pub estimator: EstimatorParams,
     /// Take-off, bias hover, landing.
     pub guidance: GuidanceParams,
-    /// Limits whose crossing is a fault.
+    /// Limits; crossing one is a fault.
     pub watch: WatchParams,
     /// Take off as soon as everything is ready, without a command.
     pub take_off: bool,
@@ -90,12 +90,12 @@ const LONGEST_STEP: f64 = 0.1;
 pub struct Flight {
     params: FlightParams,
     controller: Controller,
-    /// The same for a line that is late, and what is under way on it.
+    /// The same for a late line, with the commands that are on their way.
     slow_controller: Controller,
     pending: Pending,
     control: ControllerState,
     estimator: Estimator,
-    /// The state in place of the estimator's.
+    /// The state instead of the estimator's.
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
@@ -220,7 +220,7 @@ impl Flight {
         &self.estimator
     }
 
-    /// Whether the route, or the first hover where there is none, has been flown.
+    /// Whether the route has been flown, or the first hover if there is no route.
     #[must_use]
     pub fn mission_done(&self) -> bool {
         self.route.is_none() && self.guidance.ready() && self.guidance.mission_done()
@@ -232,7 +232,7 @@ impl Flight {
         self.guidance.ready()
     }
 
-    /// One tick: reads, estimates, supervises, controls, and says what to send.
+    /// One tick: estimates, supervises, controls, and returns the command to the motors.
     pub fn tick(&mut self, input: &Measured<'_>, out: &mut Commanded) {
         self.change_model();
         let now = input.time;
@@ -383,7 +383,7 @@ impl Flight {
         }
     }
 
-    /// Where the tool is, and how it moves.
+    /// Pose and twist of the tool.
     fn actual_tool(&self) -> Setpoint {
         let (tool, robot) = (self.params.vehicle.tool(), self.robot_state());
         let lever_w = robot.rotation_wr * tool.position_r;

@@ -13,7 +13,7 @@ use crate::{
 /// A set-point that moves less than this in a tick, m and rad, rests.
 const RESTS: f64 = 1e-7;
 
-/// Learning, and what came of it.
+/// Learning, and its result.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ModelState {
     learner: ModelLearner,
@@ -96,13 +96,13 @@ impl ModelState {
 }
 
 impl Flight {
-    /// The vehicle as the laws have it now: the configured one, or what was learnt of it.
+    /// The vehicle that the laws use now: the configured one, or the learnt one.
     #[must_use]
     pub fn model(&self) -> &Vehicle {
         &self.params.vehicle
     }
 
-    /// Standard deviations of what is left of its errors.
+    /// Standard deviations of its remaining errors.
     #[must_use]
     pub fn model_deviation(&self) -> &ModelDeviation {
         &self.model.deviation
@@ -121,7 +121,7 @@ impl Flight {
     }
 
     /// Says from now on whether this is a contact-free calibration flight, whatever the guidance does: for a
-    /// caller who knows. When it ends, what was learnt takes the model's place.
+    /// caller who knows. When it ends, the learnt model replaces the present one.
     pub fn set_model_learning(&mut self, learns: bool) {
         self.learns_model = learns;
     }
@@ -165,7 +165,7 @@ impl Flight {
         }
     }
 
-    /// Puts what was learnt in the model's place, between two ticks: the one place where it changes.
+    /// Replaces the model by the learnt one, between two ticks. The model changes nowhere else.
     pub(super) fn change_model(&mut self) {
         let Some((learnt, now)) = self.model.pending.take() else { return };
         let before = core::mem::replace(&mut self.params.vehicle, learnt.vehicle);

@@ -21,7 +21,7 @@ pub struct InputRecord {
     pub pose_count: u8,
     /// Whether an order came with this tick (it is logged by itself).
     pub command: bool,
-    /// What only the host can see.
+    /// Facts that only the host can observe.
     pub host: HostFacts,
 }
 

@@ -5,8 +5,8 @@ use crate::{so3, supervisor::limits::SETPOINT_STALE, trajectory::Limits, types::
 /// Lever about which a jump of the place may turn them, m.
 const JUMP_LEVER: f64 = 0.5;
 
-/// How far streamed set-points may move at once: it fills at the largest rates, and what moves them empties it. So the
-/// network may hold some back and hand them on together, and none of them runs.
+/// How far streamed set-points may move at once: the room fills at the largest rates, and each move empties it. So the
+/// network may hold some back and deliver them together, and the set-points do not run away.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Room {
     /// m and rad.
@@ -18,7 +18,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// All there may be, for the largest rates and the largest jump of the place, m.
+    /// A full room, for the largest rates and the largest jump of the place, m.
     pub(super) fn full(rates: &Limits, jump: f64) -> Self {
         Self {
             way: jump,
@@ -28,7 +28,7 @@ impl Room {
         }
     }
 
-    /// `dt` seconds have passed.
+    /// Lets `dt` seconds pass.
     pub(super) fn fill(&mut self, rates: &Limits, jump: f64, dt: f64) {
         let full = Self::full(rates, jump);
         self.way = (self.way + rates.velocity * dt).min(full.way);
@@ -37,7 +37,7 @@ impl Room {
         self.spin = (self.spin + rates.angular_acceleration * dt).min(full.spin);
     }
 
-    /// Takes the way between two set-points out of it. False, and nothing taken, where there is less.
+    /// Takes the way between two set-points out of the room. Returns false, and takes nothing, if there is less.
     pub(super) fn take(&mut self, from: &Setpoint, to: &Setpoint) -> bool {
         let left = Self {
             way: self.way - (to.position_w - from.position_w).norm(),

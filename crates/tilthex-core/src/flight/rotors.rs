@@ -1,5 +1,5 @@
-//! What the rotors and the IMU should read: a model that checks the
-//! measurements, and stands in for them where they are missing.
+//! The expected readings of rotors and IMU: a model that checks the
+//! measurements, and replaces those that are missing.
 
 use super::Motor;
 use crate::{
@@ -11,7 +11,7 @@ use crate::{
 };
 use libm::fabs;
 
-/// The model tells whether a motor has stopped where it is faster than this, Hz.
+/// The model can tell whether a motor has stopped if the motor is faster than this, Hz.
 const TELLS: f64 = 10.0;
 /// How fast a motor's gain is learnt, 1/s, and the least that is made up for.
 const GAIN: (f64, f64) = (10.0, 0.5);
@@ -29,7 +29,7 @@ pub(super) struct RotorModel {
     gain: RotorVector,
     /// Whether the line is full of garbage: without a checksum some of it passes for measurements.
     garbled: bool,
-    /// Bit `i` is set where motor `i` (from 0) is not believed.
+    /// Bit `i` is set if motor `i` (from 0) is not believed.
     doubted: u16,
     /// How much older a measured speed is than what arrives with it, s; 0 where speeds are taken as they come.
     age: f64,
@@ -83,12 +83,12 @@ impl RotorModel {
         }
     }
 
-    /// Whether what is heard of motors is to be believed from now on.
+    /// Sets whether the motors' measurements are garbled from now on: then none is used.
     pub(super) fn set_garbled(&mut self, garbled: bool) {
         self.garbled = garbled;
     }
 
-    /// Which motors are not believed from now on.
+    /// Sets the motors that are not believed from now on.
     pub(super) fn set_doubted(&mut self, doubted: u16) {
         self.doubted = doubted;
     }
@@ -116,7 +116,7 @@ impl RotorModel {
         }
     }
 
-    /// Speeds to ask for, Hz, so that motors that turn too slowly turn as fast as wanted.
+    /// Commands, Hz, that let motors that turn too slowly reach the wanted speeds.
     #[must_use]
     pub(super) fn made_up(&self, wanted: &RotorVector) -> RotorVector {
         wanted.component_div(&self.gain)

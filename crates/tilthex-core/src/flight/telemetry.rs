@@ -1,4 +1,4 @@
-//! What a vehicle says of itself, whatever link it speaks.
+//! Telemetry: the measurements and states that a vehicle reports, over any link.
 
 use crate::types::{MAX_ROTORS, RotorVector, Vector3};
 
@@ -27,7 +27,7 @@ pub struct InertialTelemetry {
     count: usize,
     /// When the newest usable sample was heard, s.
     pub heard: f64,
-    /// By how much samples come later than they used to, s; 0 where the line is as it was.
+    /// By how much samples come later than usual, s; 0 if the line is not late.
     pub line_delay: f64,
     /// Whether the IMU repeats itself to the bit.
     pub frozen: bool,
@@ -60,7 +60,7 @@ impl InertialTelemetry {
     }
 }
 
-/// The newest that is known of one motor.
+/// The newest measurements and states of one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
     /// When it was heard, s.
@@ -86,7 +86,7 @@ pub struct LinkState {
     pub ready: bool,
     /// When anything was heard, s.
     pub heard: f64,
-    /// The board announced itself unasked in this tick.
+    /// The board announced itself without a request in this tick.
     pub rebooted: bool,
     /// Messages taken.
     pub messages: u32,
@@ -98,7 +98,7 @@ pub struct LinkState {
     pub lost_samples: u32,
 }
 
-/// What a vehicle has said of itself up to a tick. A link fills it in.
+/// The measurements and states that a vehicle has reported up to a tick. A link fills it in.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Telemetry {
     /// The inertial stream.
@@ -170,14 +170,14 @@ impl Telemetry {
         (self.link.identified, self.link.ready, self.link.heard) = (true, true, now);
     }
 
-    /// Whether a motor, from 0, spins, where they start and stop at once.
+    /// Sets whether a motor, from 0, spins, for motors that start and stop at once.
     pub fn set_spinning(&mut self, index: usize, spinning: bool) {
         if let Some(motor) = self.motor_mut(index) {
             motor.spinning = spinning;
         }
     }
 
-    /// What is known of the motors.
+    /// The newest measurements and states of all motors.
     #[must_use]
     pub fn motors(&self) -> &[Motor] {
         self.motors.get(..self.motor_count).unwrap_or(&[])

@@ -1,7 +1,7 @@
-//! What rotors do, by what moves the vehicle and not by what motors say.
+//! The thrust of the rotors by the motion of the vehicle, not by the motors' telemetry.
 //!
 //! Rotors that turn and do not lift: without its propeller, a rotor shows as an external wrench that takes away what
-//! it should give. So does a push near the end of its arm: the rotor is tried. It is slowed down for a moment; what a
+//! it should give. So does a push near the end of its arm: the rotor is tried. It is slowed down for a moment; the wrench that a
 //! lost propeller takes away goes with the speed, and a push stays. Rotors whose telemetry drops to zero while they
 //! lift as before show as an external wrench that gives what the model then lacks.
 
@@ -13,16 +13,16 @@ use crate::{
 
 /// Share of its wrench that a rotor without thrust lacks: less is a weak rotor, and more is something else.
 const MISSING: core::ops::RangeInclusive<f64> = THRUST_MISSING..=1.3;
-/// What a single rotor does not explain, as a part of the external wrench.
+/// The part of the external wrench that a single rotor does not explain.
 const UNEXPLAINED: f64 = 0.35;
 /// External wrenches below this part of the weight say nothing.
 const LEAST: f64 = 0.05;
 /// At the end of a trial a push has kept this part of its wrench; one that has fallen to this is over.
 const KEPT: f64 = 0.5;
 const OVER: f64 = 0.3;
-/// A rotor that has failed a trial is lost where it fails another one that begins within this time, s.
+/// A rotor that has failed a trial is lost if it fails another one that begins within this time, s.
 const AGAIN: f64 = 0.5;
-/// A rotor whose motor says that it has stopped lifts where this part of its wrench is there all the same.
+/// The motor says that it has stopped, but the rotor lifts if this part of its wrench is still there.
 const LIFTS: f64 = 0.5;
 
 /// A rotor (from 0) and how much along its wrench is missing.

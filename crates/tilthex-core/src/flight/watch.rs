@@ -1,4 +1,4 @@
-//! The eyes of the supervisor: which fault conditions hold in this tick.
+//! The fault conditions that hold in this tick, for the supervisor.
 
 use super::{Telemetry, io::HostFacts, record::LinkCounters};
 use crate::{
@@ -9,7 +9,7 @@ use crate::{
     types::RobotState,
 };
 
-/// Limits whose crossing is a fault (`supervisor::TABLE` says what follows).
+/// Limits; crossing one is a fault (`supervisor::TABLE` has the reactions).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WatchParams {
     /// Land below this battery voltage, V; 0 for none.
@@ -38,7 +38,7 @@ pub struct WatchParams {
     pub geofence_height: f64,
 }
 
-/// What is looked at.
+/// The inputs of the watch.
 pub(super) struct Seen<'a> {
     /// Now, s.
     pub(super) now: f64,
@@ -46,7 +46,7 @@ pub(super) struct Seen<'a> {
     pub(super) period: f64,
     /// Phase before this tick.
     pub(super) phase: Phase,
-    /// What the vehicle says of itself.
+    /// The telemetry of the vehicle.
     pub(super) telemetry: &'a Telemetry,
     /// The estimator.
     pub(super) estimator: &'a Estimator,
@@ -60,11 +60,11 @@ pub(super) struct Seen<'a> {
     pub(super) wrong_speeds: usize,
     /// Bit `i` is set where motor `i` has stopped, by its speed.
     pub(super) stopped: u16,
-    /// What only the host can see.
+    /// Facts that only the host can observe.
     pub(super) host: HostFacts,
 }
 
-/// Poses by what became of them.
+/// Counts of poses by their outcome.
 #[derive(Clone, Copy, Debug, Default)]
 struct Poses {
     taken: u32,
@@ -81,7 +81,7 @@ impl Poses {
     }
 }
 
-/// What must be remembered between ticks to see a fault.
+/// The memory of the watch from tick to tick.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     params: WatchParams,

@@ -1,4 +1,4 @@
-//! What captured positions and accelerometer say of the same motion, just after lift-off: how late poses are, and whether
+//! Compares captured positions and accelerometer just after lift-off: how late poses are, and whether
 //! they show a mirror image.
 //!
 //! Second differences of both are correlated over a range of delays: neither a bias nor a drift enters them. The largest
@@ -28,7 +28,7 @@ const BETTER: f64 = 0.15;
 /// A determinant below this, as a part of the squared sideways products, is a mirror image: a turn has 1, a mirror -1.
 const MIRRORS: f64 = -0.4;
 
-/// What was seen since the take-off began.
+/// The observations since the take-off began.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Witness {
     /// The motion by the accelerometer alone, m/s and m, world, from rest; what was kept of it, and when last, s.

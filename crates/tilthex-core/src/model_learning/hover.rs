@@ -19,7 +19,7 @@ const STILL: (f64, f64) = (0.1, 0.2);
 /// The shortest time of a hover with a set-point at rest, s.
 pub const SHORTEST: f64 = SETTLE + BLOCK * (FEWEST as f64 + 0.5);
 
-/// What is known in a tick, without contact.
+/// The measurements of a tick, without contact.
 #[derive(Clone, Copy, Debug)]
 pub struct HoverSample {
     /// Pose and twist of the robot.
@@ -117,7 +117,7 @@ impl HoverMeter {
         }
     }
 
-    /// The hover's means where it lasted long enough, and how far the wrench of a block was from that of all.
+    /// The means of a hover that lasted long enough, and how far the wrench of a block was from the mean of all.
     pub(super) fn finish(&mut self, vehicle: &Vehicle) -> Option<(Hover, Wrench)> {
         let done = core::mem::take(self);
         if done.count < FEWEST {

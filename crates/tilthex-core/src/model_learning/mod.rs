@@ -1,4 +1,4 @@
-//! What contact-free hovers say of a vehicle's model: mass, thrust, rotor axes, drag moment and centre of mass,
+//! Corrects a vehicle's model from contact-free hovers: mass, thrust, rotor axes, drag moment and centre of mass,
 //! split into these causes by their prior standard deviations, so that the correction holds at other attitudes, too.
 //!
 //! A level hover tells apart little: a wrong mass and a wrong thrust look the same, and so do a centre of mass aside
@@ -20,7 +20,7 @@ use core::fmt;
 use estimate::Estimate;
 use hover::{Hover, HoverMeter};
 
-/// Most hovers that are remembered; of more, the newest.
+/// The newest hovers are kept, at most this many.
 pub const MAX_HOVERS: usize = 8;
 /// Tilt at which the false contact is foretold, rad.
 pub const TILT: f64 = 15.0 * core::f64::consts::PI / 180.0;
@@ -92,7 +92,7 @@ impl ModelDeviation {
         Estimate::prior().deviations(vehicle, &ModelPrior::CAD)
     }
 
-    /// Whether the hovers told the false contact at other attitudes, too, by what it was `before`.
+    /// Whether the hovers determined the false contact at other attitudes, too, compared with the one `before`.
     #[must_use]
     pub fn is_excited(&self, before: &Self) -> bool {
         let told = 1.0 - EXCITED;
@@ -100,7 +100,7 @@ impl ModelDeviation {
     }
 }
 
-/// Why nothing is learnt.
+/// The reason why nothing is learnt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Refusal {
     /// No hover lasted long enough.
@@ -146,14 +146,14 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// What was learnt.
+/// The result of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Learnt {
     /// The vehicle after the correction.
     pub vehicle: Vehicle,
     /// Its centre of mass from where the model before had it, m, robot.
     pub centre_r: Vector3,
-    /// Standard deviations of what is left of the model's errors.
+    /// Standard deviations of the remaining errors of the model.
     pub deviation: ModelDeviation,
     /// Mean squared normalised innovation: about 1 where the deviations are right.
     pub misfit: f64,
@@ -197,7 +197,7 @@ impl ModelLearner {
         self.count = (self.count + 1).min(MAX_HOVERS);
     }
 
-    /// What the hovers since the last call say of the vehicle's model.
+    /// Learns the vehicle's model from the hovers since the last call.
     ///
     /// # Errors
     /// Why they say nothing; the learner begins anew all the same.

@@ -73,7 +73,7 @@ impl Wind {
         check_range("gust_length", self.gust_length, 0.1, 1e4)
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_calm(&self) -> bool {
         self.mean_w == Vector3::zeros() && self.gust_deviation == 0.0

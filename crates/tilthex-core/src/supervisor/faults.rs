@@ -1,11 +1,11 @@
-//! The table of every fault: how it is seen, after what time, what is done.
+//! The table of all faults: how each is detected, after what time, and the reaction.
 //!
 //! `docs/faults.md` is written from this table and from [`super::limits`]; a test compares the two.
 
 use super::limits as l;
 use core::fmt;
 
-/// What is done about a fault, mildest first.
+/// The reaction to a fault, mildest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Reaction {
     /// Counted and logged; a substitute stands in where one is named.
@@ -14,7 +14,7 @@ pub enum Reaction {
     Refuse,
     /// The mission's clock slows to a stop; it goes on when the fault is gone.
     Hold,
-    /// Straight down from where it is, level, then stop. Is not taken back.
+    /// Straight down from the present place, level, then stop. It is not taken back.
     Land,
     /// Attitude hold and descent on IMU and model; back to [`Reaction::Land`] when the position returns.
     Descend,
@@ -120,17 +120,17 @@ pub struct Row {
     pub fault: Fault,
     /// Its name in logs and messages.
     pub name: &'static str,
-    /// How it is seen.
+    /// How it is detected.
     pub detection: Sentence,
     /// For how long the condition must hold, s.
     pub after: f64,
     /// For how long it must be gone to count as over, s.
     pub over: f64,
-    /// What is done before take-off.
+    /// The reaction before take-off.
     pub on_ground: Reaction,
-    /// What is done in flight.
+    /// The reaction in flight.
     pub in_flight: Reaction,
-    /// What stands in meanwhile, and how it is mended.
+    /// The substitute meanwhile, and how the cause is repaired.
     pub remark: Sentence,
 }
 
@@ -161,7 +161,7 @@ const fn s(text: &'static str, numbers: &'static [f64]) -> Sentence {
     Sentence { text, numbers }
 }
 
-/// What the watch on the lift-off tells apart; each stops the motors just above the ground.
+/// The faults of a lift-off; each stops the motors just above the ground.
 pub const LIFT_OFF_FAULTS: [Fault; 5] =
     [Fault::MotorOrder, Fault::CaptureAxes, Fault::CaptureMirrored, Fault::CaptureLate, Fault::LiftOff];
 
@@ -236,7 +236,7 @@ impl FaultSet {
     /// No fault.
     pub const NONE: Self = Self(0);
 
-    /// Puts a fault in where `condition` holds.
+    /// Adds a fault if `condition` holds.
     pub fn insert_if(&mut self, fault: Fault, condition: bool) {
         if condition {
             self.0 |= 1 << fault as u8;
@@ -249,7 +249,7 @@ impl FaultSet {
         self.0 & (1 << fault as u8) != 0
     }
 
-    /// Whether there is none.
+    /// Whether the set is empty.
     #[must_use]
     pub fn is_empty(self) -> bool {
         self.0 == 0

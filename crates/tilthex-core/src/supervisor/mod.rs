@@ -68,7 +68,7 @@ pub struct Facts {
     pub take_off: bool,
     /// The operator's explicit kill.
     pub kill: bool,
-    /// What goes wrong just after lift-off, where it is gentler to stop the motors than to fly on.
+    /// The faults just after lift-off, at which stopping the motors is gentler than flying on.
     pub abort: Option<Fault>,
 }
 

@@ -71,7 +71,7 @@ pub(super) fn column(rotor: &Rotor) -> nalgebra::Vector6<f64> {
     crate::Wrench { force, torque }.to_vector()
 }
 
-/// Refuses a rotor that cannot be; `rotor` counts from 1.
+/// Refuses a rotor with impossible values; `rotor` counts from 1.
 pub(super) fn check_rotor(rotor: usize, r: &Rotor) -> Result<(), Error> {
     let refuse = |name, found, expected| Err(Error::Rotor { rotor, name, found, expected });
     if let Some(x) = r.position_r.iter().find(|x| !x.is_finite()) {

@@ -1,4 +1,4 @@
-//! What the host says.
+//! Messages from the host to the vehicle.
 
 use super::{
     frame::Frame,
@@ -34,7 +34,7 @@ impl Stream {
     }
 }
 
-/// One number a motor, for 1 to [`MAX_ROTORS`] motors, in their order.
+/// One number for each motor, for 1 to [`MAX_ROTORS`] motors, in their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MotorValues {
     values: [i16; MAX_ROTORS],
@@ -82,7 +82,7 @@ impl MotorValues {
 /// A message from the host to the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum HostMessage {
-    /// Ask who is there.
+    /// Request the identity of the vehicle.
     Identify,
     /// Set the period of a stream.
     Rate {

@@ -36,7 +36,7 @@ impl ImuStream {
     /// Before the first frame.
     ///
     /// # Errors
-    /// A period that cannot be.
+    /// A period that [`SequenceClock::new`] refuses.
     pub(super) fn new(params: &LinkParams) -> Result<Self, Error> {
         let period = f64::from(params.imu_period_us) * 1e-6;
         let (rate, force) = IMU_JUMP;
@@ -62,13 +62,13 @@ impl ImuStream {
         self.scales.is_some()
     }
 
-    /// Takes a frame that came at `now`; `out` says what became of it.
+    /// Takes a frame that arrived at `now`, s; `out` gets the sample and its state.
     pub(super) fn take(&mut self, frame: &ImuFrame, now: f64, out: &mut InertialTelemetry) {
         let Some(scales) = self.scales else { return };
         let (time, lost) = match self.clock.step(frame.sequence, now) {
             Arrival::New { time, lost, .. } => {
                 out.line_delay = self.clock.made().map_or(0.0, |made| self.line.step(made, now));
-                // The clock comes to take a line that has become late for what is usual.
+                // After a time the clock takes the delay of a late line for the usual one.
                 (time.min(now - out.line_delay), lost)
             }
             Arrival::Duplicate => return,
@@ -89,14 +89,14 @@ impl ImuStream {
         let full = |x: &i16| x.unsigned_abs() >= FULL_SCALE;
         out.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
         if out.saturated {
-            // The gate must not come to believe it: a flipped bit brings it back into the range.
+            // The gate must not accept it: a flipped bit would bring the next sample back into the range.
             (self.shaken, self.leapt) = (true, false);
             self.gate.interrupt();
             return;
         }
         let (f, w) = scales.decode(frame);
         let verdict = self.gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
-        // Twice in a row is no flipped bit.
+        // Two jumps in a row are no flipped bit.
         let leaps = verdict == Verdict::Jump;
         self.shaken |= leaps && self.leapt;
         self.leapt = leaps;
@@ -108,7 +108,7 @@ impl ImuStream {
         self.shaken = false;
     }
 
-    /// Samples that never came.
+    /// Samples that never arrived.
     #[must_use]
     pub(super) fn lost(&self) -> u32 {
         self.clock.counters().lost

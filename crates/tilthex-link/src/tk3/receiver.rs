@@ -1,4 +1,4 @@
-//! Bytes to messages, with counts of everything refused.
+//! Bytes to messages, with counts of all refusals.
 
 use super::frame::{Decoder, FrameCounters};
 use crate::bump;
@@ -29,12 +29,12 @@ pub trait Message: Sized {
     fn parse(body: &[u8]) -> Result<Self, Refusal>;
 }
 
-/// What came and what was refused. The counts saturate.
+/// Counts of messages and of refusals; they saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Of the framing.
+    /// Counts of the framing.
     pub frames: FrameCounters,
-    /// Messages.
+    /// Number of messages.
     pub messages: u32,
     /// Frames with an unknown letter.
     pub unknown_letter: u32,
@@ -94,7 +94,7 @@ impl<M: Message> Receiver<M> {
         None
     }
 
-    /// What came and what was refused so far.
+    /// Counts of messages and of refusals so far.
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters { frames: self.decoder.counters(), ..self.counters }

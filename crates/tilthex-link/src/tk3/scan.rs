@@ -1,6 +1,6 @@
-//! Sees whole inertial frames pass in the raw bytes, without decoding them.
+//! Finds complete inertial frames in the raw bytes, without decoding them.
 
-/// Where the bytes stand.
+/// Position in the stream of bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Scan {
     #[default]
@@ -10,7 +10,7 @@ pub(super) enum Scan {
 }
 
 impl Scan {
-    /// Looks through bytes in the order they came: whether an inertial frame has ended among them.
+    /// Scans bytes in the order of their arrival: whether an inertial frame has ended among them.
     pub(super) fn finds_imu(&mut self, bytes: &[u8]) -> bool {
         let mut found = false;
         for &byte in bytes {

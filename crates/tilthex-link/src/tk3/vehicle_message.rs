@@ -1,4 +1,4 @@
-//! What the vehicle says.
+//! Messages from the vehicle to the host.
 
 use super::{
     frame::Frame,

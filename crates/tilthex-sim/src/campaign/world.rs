@@ -52,7 +52,7 @@ pub struct World {
     pub simulation: Simulation,
     /// Its controller, behind its link.
     pub linked: LinkedFlight,
-    /// What only the host can see.
+    /// Facts that only the host can observe.
     pub host: HostFacts,
     /// What is done to them.
     pub injections: Vec<Injection>,

@@ -12,7 +12,7 @@ const WAY_BACK: (f64, f64) = (1.0, 0.5);
 /// ground is in the world is not relied on.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sink {
-    /// Below where it began, m.
+    /// Distance below the start of the descent, m.
     pub(super) depth: f64,
     /// m/s.
     pub(super) speed: f64,

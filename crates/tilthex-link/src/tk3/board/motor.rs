@@ -19,7 +19,7 @@ enum Phase {
     Spinning,
 }
 
-/// What a motor has to say of its own accord.
+/// An event that a motor reports without a request.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
     /// It spins now.
@@ -38,7 +38,7 @@ pub struct Motor {
     phase: Phase,
     emergency: bool,
     fallen_back: bool,
-    /// Asked for, Hz; meaningful while spinning.
+    /// Commanded speed, Hz; it has a meaning while the motor spins.
     target: f64,
     last_set: Micros,
     sequence: u8,
@@ -94,7 +94,7 @@ impl Motor {
         self.set_speed(f64::from(throttle) / FULL_THROTTLE * self.highest, now);
     }
 
-    /// Lets time pass; what happened in it.
+    /// Lets time pass; returns the event of this time.
     pub fn advance(&mut self, now: Micros) -> Option<Event> {
         match self.phase {
             Phase::Starting { until } if now >= until => {
