@@ -3,6 +3,7 @@
 
 use std::fmt::Write as _;
 
+use serde_json::{Map, Value, json};
 use tilthex_rt::{
     control::BESIDES,
     log::{DescribedChannel, DescribedField, described},
@@ -60,6 +61,52 @@ fn the_document_is_the_declarations() {
         writeln!(text, "| `{name}` | {doc} |").expect("a string takes all");
     }
     written("docs/log.md", &text);
+}
+
+/// The JSON Schema of a value whose type in Python is this.
+fn json(python: &str, doc: &str, unit: &str) -> Value {
+    let unit = if unit.is_empty() { String::new() } else { format!(" [{unit}]") };
+    let kind = match python {
+        "float | None" => json!(["number", "null"]),
+        "bool" => json!("boolean"),
+        "int" => json!("integer"),
+        "str" => json!("string"),
+        "str | None" => json!(["string", "null"]),
+        "Array" | "list[str]" => json!("array"),
+        other => panic!("{other} has no type of JSON here"),
+    };
+    json!({"type": kind, "description": format!("{doc}{unit}")})
+}
+
+fn object(properties: Map<String, Value>) -> Value {
+    let required: Vec<&String> = properties.keys().collect();
+    json!({"type": "object", "required": required, "properties": properties, "additionalProperties": false})
+}
+
+#[test]
+fn the_schema_of_the_state_is_the_declarations() {
+    let mut state = Map::new();
+    for channel in described() {
+        let names = |f: &DescribedField| f.state.split(", ").filter(|n| !n.is_empty()).collect::<Vec<_>>();
+        let shown: Map<String, Value> = channel
+            .fields
+            .iter()
+            .flat_map(|f| names(f).into_iter().map(|name| (name.to_owned(), json(f.python, f.doc, f.unit))))
+            .collect();
+        match channel.state {
+            _ if shown.is_empty() => {}
+            "" => state.extend(shown),
+            name => {
+                state.insert(name.into(), object(shown));
+            }
+        }
+    }
+    state.extend(BESIDES.map(|(name, python, doc)| (name.to_owned(), json(python, doc, ""))));
+    let mut schema = object(state);
+    schema["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    schema["title"] = json!("The state of a flight, as the control socket of tilthex-rt tells it");
+    let text = serde_json::to_string_pretty(&schema).expect("JSON") + "\n";
+    written("docs/schema/state.json", &text);
 }
 
 /// Classes of a state: those within it first.

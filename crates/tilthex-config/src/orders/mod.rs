@@ -4,6 +4,8 @@
 mod bounds;
 mod place;
 #[cfg(test)]
+mod schema;
+#[cfg(test)]
 mod tests;
 mod text;
 

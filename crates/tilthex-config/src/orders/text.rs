@@ -10,10 +10,13 @@ use tilthex_core::{
 
 /// Force (N) and torque (N m), world.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct WrenchText {
+    /// N, world.
     #[serde(default)]
     force: [f64; 3],
+    /// N m, world.
     #[serde(default)]
     torque: [f64; 3],
 }
@@ -26,6 +29,7 @@ impl WrenchText {
 
 /// A way-point: where the tool is to be, and how. At most one form of orientation; level without any.
 #[derive(Clone, Copy, Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct WaypointText {
     /// m, world.
@@ -81,6 +85,7 @@ impl WaypointText {
 
 /// Largest rates on a way; those not named are the configured ones.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct LimitsText {
     /// m/s.
@@ -104,11 +109,14 @@ impl LimitsText {
     }
 }
 
+/// The tool's way.
 #[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct RouteText {
     #[serde(default)]
     limits: LimitsText,
+    /// In this order, beginning at the tool's set-point.
     #[serde(default)]
     waypoint: Vec<WaypointText>,
 }
@@ -120,25 +128,35 @@ impl RouteText {
     }
 }
 
+/// One set-point of a stream; the next must come within 0.2 s.
 #[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct FollowText {
+    /// m, world.
     pub(super) position: [f64; 3],
+    /// Row by row; maps tool coordinates to world coordinates.
     pub(super) rotation: [[f64; 3]; 3],
+    /// m/s, world.
     #[serde(default)]
     pub(super) velocity: [f64; 3],
+    /// rad/s, world.
     #[serde(default)]
     pub(super) angular_velocity: [f64; 3],
+    /// m/s^2, world.
     #[serde(default)]
     pub(super) acceleration: [f64; 3],
+    /// rad/s^2, world.
     #[serde(default)]
     pub(super) angular_acceleration: [f64; 3],
+    /// What the tool shall exert.
     #[serde(default)]
     pub(super) wrench: WrenchText,
 }
 
 /// Each needs no more than its name.
 #[derive(Clone, Copy, Debug, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct Nothing {}
 
