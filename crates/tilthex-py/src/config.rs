@@ -79,6 +79,14 @@ impl Config {
         self.checked == other.checked
     }
 
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.to_toml())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<convert::Copied<'py>> {
+        convert::copied(py, "config", self.to_toml())
+    }
+
     fn __repr__(&self) -> String {
         format!("Config(vehicle='{}')", self.checked.vehicle().name())
     }

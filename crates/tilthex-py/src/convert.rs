@@ -1,6 +1,8 @@
 //! Arrays in and out. What comes in is refused with one sentence that names
 //! the argument, what was expected and what came.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use nalgebra::{SMatrix, SVector};
 use numpy::{PyArray1, PyArray2, PyArrayDyn, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -19,6 +21,21 @@ pub(crate) fn value_error(error: Error) -> PyErr {
 /// `ValueError` with the configuration's own sentence.
 pub(crate) fn config_error(error: ConfigError) -> PyErr {
     PyValueError::new_err(error.to_string())
+}
+
+/// What makes a copy, and of what: the answer of `__reduce__`.
+pub(crate) type Copied<'py> = (Bound<'py, PyAny>, (String,));
+
+/// `__reduce__` of what is its TOML: a function of `tilthex._copied`, and the text.
+pub(crate) fn copied<'py>(py: Python<'py>, maker: &str, toml: String) -> PyResult<Copied<'py>> {
+    Ok((py.import("tilthex._copied")?.getattr(maker)?, (toml,)))
+}
+
+/// The hash of a text.
+pub(crate) fn hash(text: &str) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    text.hash(&mut hasher);
+    hasher.finish()
 }
 
 /// A shape as Python prints it.

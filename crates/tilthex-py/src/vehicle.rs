@@ -228,6 +228,18 @@ impl Vehicle {
         py.import("tilthex.polytope")?.call_method("wrench_polytope", (this,), Some(&arguments))
     }
 
+    fn __eq__(&self, other: &Self) -> bool {
+        self.section == other.section
+    }
+
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.to_toml())
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<convert::Copied<'py>> {
+        convert::copied(py, "vehicle", self.to_toml())
+    }
+
     fn __repr__(&self) -> String {
         let v = self.core();
         let (name, mass, rotors) = (self.name(), v.mass(), v.rotor_count());
