@@ -96,6 +96,30 @@ impl Default for AttitudeParams {
 }
 
 /// Chooses the attitude of one vehicle.
+///
+/// ```
+/// use tilthex_core::{
+///     Matrix3, Setpoint, Vector3,
+///     allocation::RotorStatus,
+///     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
+///     examples,
+/// };
+///
+/// let vehicle = examples::tilt_hex()?;
+/// let selector = AttitudeSelector::new(&vehicle, AttitudeParams::default())?;
+/// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+/// // More force to the side than the rotors can give: the vehicle turns for it.
+/// let force_w = Vector3::new(0.6 * vehicle.weight(), 0.0, vehicle.weight());
+/// let mut state = AttitudeState::default();
+/// let mut tilt = 0.0;
+/// for _ in 0..1000 {
+///     let wanted = selector.reference(&mut state, &setpoint, 0.002);
+///     let attitude = selector.step(&mut state, &wanted, &force_w, &RotorStatus::default(), 0.002);
+///     tilt = attitude.reference.rotation_wr[(0, 2)].asin();
+/// }
+/// assert!(tilt > 0.05 && tilt < selector.params().max_turn);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AttitudeSelector {
     params: AttitudeParams,

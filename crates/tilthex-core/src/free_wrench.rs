@@ -19,6 +19,33 @@ const REACHED: f64 = 0.1;
 const APPROACH: f64 = 0.5;
 
 /// The largest speeds and ways of a tool that is driven by a commanded wrench alone.
+///
+/// ```
+/// use tilthex_core::{
+///     Matrix3, Matrix6, Setpoint, Vector3, Wrench,
+///     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
+///     free_wrench::{FreeWrenchParams, FreeWrenchState},
+/// };
+///
+/// let filter = AdmittanceFilter::new(AdmittanceParams {
+///     mass: Matrix6::identity() * 1.5,
+///     damping: Matrix6::identity() * 10.0,
+///     stiffness: Matrix6::zeros(),
+///     max_translation: 1.0,
+///     max_rotation: 1.0,
+/// })?;
+/// let limits = FreeWrenchParams::default().checked()?;
+/// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+/// let commanded_w = Wrench { force: Vector3::new(10.0, 0.0, 0.0), torque: Vector3::zeros() };
+/// let (mut state, mut moved) = (FreeWrenchState::default(), AdmittanceState::default());
+/// for _ in 0..500 {
+///     let drive_w = limits.step(&mut state, filter.params(), &moved, &Wrench::ZERO, &commanded_w, 0.002);
+///     filter.step(&mut moved, &setpoint, &drive_w, 0.002);
+///     // Without the limit the tool would reach 10 N / 10 N s/m = 1 m/s.
+///     assert!(moved.twist_w[0] < 1.05 * limits.speed);
+/// }
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeWrenchParams {
     /// Largest speed, m/s.

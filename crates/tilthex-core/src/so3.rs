@@ -68,7 +68,7 @@ pub fn exp(v: &Vector3) -> Matrix3 {
     )
 }
 
-/// The rotation vector of `r`, with an angle in `[0, pi]`.
+/// The rotation vector of `r`, rad, with an angle in `[0, pi]`.
 ///
 /// At exactly pi both signs are right; the one whose largest component is
 /// positive is returned.

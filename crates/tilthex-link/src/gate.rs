@@ -43,6 +43,17 @@ pub struct GateCounters {
 }
 
 /// A gate for one stream of `N` numbers.
+///
+/// ```
+/// use tilthex_link::{Gate, GateParams, Verdict};
+///
+/// // A rotor's speed, Hz.
+/// let mut gate = Gate::new(GateParams { min: [-200.0], max: [200.0], jump: [40.0], patience: 4, longest: 4 })?;
+/// assert_eq!(gate.step(&[60.0], 0), Verdict::Pass);
+/// assert_eq!(gate.step(&[150.0], 0), Verdict::Jump);
+/// assert_eq!(gate.step(&[f64::NAN], 0), Verdict::OutOfRange);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate<const N: usize> {
     params: GateParams<N>,

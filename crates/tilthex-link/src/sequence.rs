@@ -51,6 +51,19 @@ struct Last {
 }
 
 /// The clock of one numbered stream.
+///
+/// ```
+/// use tilthex_core::clock_sync::ClockParams;
+/// use tilthex_link::{Arrival, SequenceClock};
+///
+/// let mut clock = SequenceClock::new(0.002, ClockParams::default())?;
+/// clock.step(7, 10.0);
+/// // Number 8 is lost; number 9 arrives two periods after number 7.
+/// let Arrival::New { time, lost, .. } = clock.step(9, 10.004) else { panic!("a new sample") };
+/// assert!(lost == 1 && (time - 10.004).abs() < 1e-9);
+/// assert_eq!(clock.step(9, 10.0041), Arrival::Duplicate);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SequenceClock {
     period: f64,

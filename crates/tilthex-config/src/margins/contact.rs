@@ -36,7 +36,7 @@ pub struct StiffnessRange {
 }
 
 impl StiffnessRange {
-    /// The stiffness up to which all contact is stable; 0 where none is.
+    /// The stiffness up to which all contact is stable, N/m or N m/rad; 0 if no contact is.
     #[must_use]
     pub fn border(&self) -> f64 {
         self.stable.first().map_or(0.0, |(from, to)| if *from == 0.0 { *to } else { 0.0 })

@@ -26,11 +26,11 @@ const POLE: f64 = 10.0;
 /// The delays of the loop, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopDelays {
-    /// The control period: what is commanded is held over it.
+    /// The control period, s: a command is held over it.
     pub period: f64,
-    /// From a sample to the rotors' answer to it, beside the hold.
+    /// From a sample to the rotors' answer to it, s, in addition to the hold.
     pub line: f64,
-    /// Age of the rotors' measured speeds against the inertial sample.
+    /// Age of the rotors' measured speeds, compared with the inertial sample, s.
     pub rotor_speeds: f64,
 }
 

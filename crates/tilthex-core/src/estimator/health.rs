@@ -79,7 +79,7 @@ pub struct PoseReport {
     pub nis: f64,
     /// Innovation of the IMU's pose: position (m, W), rotation (rad, W).
     pub innovation: [f64; 6],
-    /// Its predicted standard deviations.
+    /// Its predicted standard deviations, m and rad.
     pub deviation: [f64; 6],
 }
 

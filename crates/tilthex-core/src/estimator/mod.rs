@@ -92,6 +92,31 @@ struct Head {
 }
 
 /// The estimator: parameters and state, of fixed size.
+///
+/// ```
+/// use tilthex_core::{
+///     GRAVITY, Matrix3, PoseSample, Vector3,
+///     estimator::{Estimator, EstimatorParams},
+/// };
+///
+/// let mut estimator = Estimator::new(EstimatorParams::default())?;
+/// let (place_w, level) = (Vector3::new(0.0, 0.0, 1.0), Matrix3::identity());
+/// estimator.initialize(0.0, &place_w, &level)?;
+/// // At rest: the IMU at 500 Hz, poses at 100 Hz that arrive 10 ms after they were taken.
+/// for k in 1..1000 {
+///     let time = 0.002 * f64::from(k);
+///     estimator.predict(time, &Vector3::zeros(), &(GRAVITY * Vector3::z()));
+///     if k % 5 == 0 {
+///         let (position_w, rotation_wr) = (place_w, level);
+///         let taken = time - 0.01;
+///         let pose = PoseSample { time: taken, arrival: time, position_w, rotation_wr, tracking_valid: true };
+///         estimator.update_pose(&pose);
+///     }
+/// }
+/// assert!((estimator.robot_state().position_w - place_w).norm() < 1e-3);
+/// assert!(estimator.robot_state().velocity_w.norm() < 1e-2);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug)]
 pub struct Estimator {
     params: EstimatorParams,

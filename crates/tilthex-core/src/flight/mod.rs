@@ -85,7 +85,20 @@ pub struct FlightParams {
 /// Periods longer than this are cut for the laws' integrators, s.
 const LONGEST_STEP: f64 = 0.1;
 
-/// A flight, from the first tick to the motors' stop.
+/// A flight, from the first tick to the motors' stop. `tilthex-config` makes its parameters from a configuration.
+///
+/// ```
+/// use tilthex_core::flight::{Commanded, Flight, HostFacts, Measured, MotorCommand, Telemetry};
+///
+/// /// One period: from the telemetry at a time, s, to the command to the motors.
+/// fn fly(flight: &mut Flight, telemetry: &Telemetry, time: f64) -> MotorCommand {
+///     let host = HostFacts::default();
+///     let measured = Measured { time, telemetry, poses: &[], command: None, host, known: None };
+///     let mut out = Commanded::default();
+///     flight.tick(&measured, &mut out);
+///     out.motors
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: FlightParams,

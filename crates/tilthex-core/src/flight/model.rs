@@ -37,9 +37,9 @@ pub struct ModelRecord {
     pub mass: f64,
     /// Centre of mass from where the configuration has it, m, robot.
     pub centre_of_mass_r: Vector3,
-    /// False contact that is to be expected in tilted hovers: force, N, and torque, N m, one deviation.
+    /// Force of the false contact that is expected in tilted hovers, N, one deviation.
     pub false_force: f64,
-    /// See `false_force`.
+    /// The torque of that false contact, N m, one deviation.
     pub false_torque: f64,
     /// Hovers it was learnt from; 0 for the configured model.
     pub hovers: u8,

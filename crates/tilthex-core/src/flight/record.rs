@@ -95,7 +95,7 @@ pub struct Record {
     pub wrench_admittance_w: Wrench,
     /// e_p, m, W.
     pub position_error_w: Vector3,
-    /// e_R, R.
+    /// Rotation error e_R, robot; without unit, (15).
     pub rotation_error_r: Vector3,
     /// Whether contact moves the reference.
     pub compliant: bool,

@@ -51,7 +51,7 @@ impl Phase {
     }
 }
 
-/// What the phases depend on, besides faults.
+/// The facts that the phases depend on, besides faults.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Facts {
     /// The vehicle is identified and its streams run.
@@ -72,7 +72,19 @@ pub struct Facts {
     pub abort: Option<Fault>,
 }
 
-/// What the supervisor remembers.
+/// The phase of a flight and its faults, from tick to tick.
+///
+/// ```
+/// use tilthex_core::supervisor::{Facts, Fault, FaultSet, Phase, Supervisor};
+///
+/// let mut supervisor = Supervisor::in_flight();
+/// let facts = Facts { link_ready: true, estimate_ready: true, all_spinning: true, ..Facts::default() };
+/// assert_eq!(supervisor.step(FaultSet::NONE, &facts, 0.002), Phase::Flying);
+/// // The pose is lost: the mission waits, and the vehicle holds its place.
+/// let mut conditions = FaultSet::NONE;
+/// conditions.insert_if(Fault::PoseLost, true);
+/// assert_eq!(supervisor.step(conditions, &facts, 0.002), Phase::Holding);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Supervisor {
     phase: Phase,
@@ -102,7 +114,7 @@ impl Default for Supervisor {
 }
 
 impl Supervisor {
-    /// Of a vehicle that flies already.
+    /// The supervisor of a vehicle that already flies.
     #[must_use]
     pub fn in_flight() -> Self {
         Self { phase: Phase::Flying, ..Self::default() }
@@ -160,7 +172,8 @@ impl Supervisor {
         set
     }
 
-    /// One tick: the conditions seen in it, and what else the phase depends on.
+    /// One tick of `dt` s: takes the fault conditions that hold in it, and the other facts that the phase depends on.
+    /// Returns the phase after it.
     pub fn step(&mut self, conditions: FaultSet, facts: &Facts, dt: f64) -> Phase {
         self.time_faults(conditions, dt);
         let worst = self.active.rows().map(|row| row.in_flight).max().unwrap_or(Reaction::Note);
