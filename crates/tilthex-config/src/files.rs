@@ -35,7 +35,7 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// Refuses what is there and no file, also behind symbolic links.
+/// Refuses a path that exists but is no file, also behind symbolic links.
 ///
 /// # Errors
 /// The kernel's where nothing is there, or that it is no file.

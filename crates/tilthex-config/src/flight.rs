@@ -19,7 +19,7 @@ impl Config {
     /// The parameters of the state estimator.
     ///
     /// # Errors
-    /// The key of `[estimator]` that cannot be.
+    /// Names the key of `[estimator]` with an impossible value.
     pub fn estimator_params(&self) -> Result<EstimatorParams, ConfigError> {
         self.estimator.params(self.vehicle.vehicle())
     }
@@ -33,7 +33,7 @@ impl Config {
     /// The parameters of a flight; `take_off` starts it without a command.
     ///
     /// # Errors
-    /// The section and the key that cannot be.
+    /// Names the section and the key with an impossible value.
     pub fn flight_params(&self, take_off: bool) -> Result<FlightParams, ConfigError> {
         let guidance = self.mission.params(self.orders.limits())?;
         if guidance.calibration == Calibration::Tilts && self.vehicle.vehicle().rank() < 6 {
@@ -57,7 +57,7 @@ impl Config {
     /// The parameters of a flight and its link; `take_off` starts it without a command.
     ///
     /// # Errors
-    /// The section and the key that cannot be.
+    /// Names the section and the key with an impossible value.
     pub fn linked_params(&self, take_off: bool) -> Result<LinkedParams, ConfigError> {
         let link = self.link.params()?;
         // The line may have been changed since the configuration was read.
@@ -95,7 +95,7 @@ impl LinkSection {
     /// What the link is set up with.
     ///
     /// # Errors
-    /// The key that cannot be.
+    /// Names the key with an impossible value.
     pub fn params(&self) -> Result<LinkParams, ConfigError> {
         let period = |rate: f64| (1e6 / rate).round() as u32;
         let scales = (self.accelerometer_scale > 0.0 && self.gyro_scale > 0.0)
@@ -118,7 +118,7 @@ impl MocapSection {
     /// How a client reads the system's poses.
     ///
     /// # Errors
-    /// Where the axis is neither "y" nor "z".
+    /// If the axis is neither "y" nor "z".
     pub fn client(&self) -> Result<ClientParams, ConfigError> {
         Ok(ClientParams { up_axis: self.up_axis()?, latency: self.latency })
     }
@@ -126,7 +126,7 @@ impl MocapSection {
     /// The capture system's upward axis.
     ///
     /// # Errors
-    /// Where it is neither "y" nor "z".
+    /// If it is neither "y" nor "z".
     pub fn up_axis(&self) -> Result<UpAxis, ConfigError> {
         match self.up_axis.as_str() {
             "y" => Ok(UpAxis::Y),

@@ -63,7 +63,7 @@ macro_rules! config {
             vehicle: VehicleSection,
             $( $name: $section, )*
             controller: ControllerParams,
-            /// What is said of keys that are no more.
+            /// The warnings about keys that no longer exist.
             retired: Vec<String>,
         }
 

@@ -134,7 +134,7 @@ pub(super) fn check_mass(mass: f64) -> Result<(), ConfigError> {
     Ok(())
 }
 
-/// Refuses what no body is, and numbers that are likely in another unit.
+/// Refuses a body that cannot exist, and numbers that are likely in another unit.
 pub(super) fn check_body(vehicle: &Vehicle) -> Result<(), ConfigError> {
     let refuse = |sentence: String| Err(ConfigError::new(sentence));
     let moments = vehicle.inertia().symmetric_eigenvalues();

@@ -1,4 +1,4 @@
-//! What a vehicle can push with its tool while it hovers.
+//! The force that a vehicle can exert with its tool while it hovers.
 
 use tilthex_core::{
     Matrix3, Vector3, Vehicle, Wrench, allocation::Allocator, so3, types::Vector6, vehicle::Actuation,

@@ -1,4 +1,4 @@
-//! What every section of a configuration shares: declaration, reading with
+//! The common part of all sections of a configuration: declaration, reading with
 //! errors that name the key, and printing with comments.
 
 use serde::{Serialize, de::DeserializeOwned};
@@ -6,7 +6,7 @@ use std::fmt;
 use tilthex_core::error::check_range;
 use toml::{Table, Value};
 
-/// What is wrong with a configuration, in one sentence.
+/// A fault of a configuration, in one sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConfigError(String);
 

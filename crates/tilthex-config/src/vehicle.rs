@@ -143,7 +143,7 @@ impl VehicleSection {
     /// Reads the section; `folder` is where a relative `file` starts.
     ///
     /// # Errors
-    /// Says what is wrong, and which key.
+    /// Names the fault and the key.
     pub fn from_table(table: Table, folder: &Path) -> Result<Self, ConfigError> {
         let here = |e: ConfigError| e.within("[vehicle]");
         let mut table = resolve(table, folder, &mut Vec::new())?;

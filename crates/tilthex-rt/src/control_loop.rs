@@ -66,7 +66,7 @@ pub enum End {
     },
 }
 
-/// When the loop lands or gives up of its own accord.
+/// The conditions under which the loop lands or gives up by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct LoopParams {
     /// Between two ticks.
@@ -81,7 +81,7 @@ pub struct LoopParams {
     pub patience: Option<f64>,
 }
 
-/// What the loop works on.
+/// The parts that the loop works with.
 pub struct ControlLoop {
     /// The flight, behind its link.
     pub linked: LinkedFlight,
@@ -256,7 +256,7 @@ impl ControlLoop {
     }
 }
 
-/// What the loop remembers from tick to tick, all of it made before the first.
+/// The memory of the loop from tick to tick, all allocated before the first tick.
 struct Memory {
     bytes: [u8; MAX_BYTES_IN],
     byte_count: usize,

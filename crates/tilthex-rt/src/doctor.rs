@@ -36,7 +36,7 @@ const LOOK: Nanos = 50_000;
 /// How long capture is listened to.
 const LISTEN: Duration = Duration::from_secs(1);
 
-/// What a check found.
+/// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// As it should be.
@@ -50,7 +50,7 @@ pub enum Verdict {
 /// One check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Check {
-    /// What was looked at.
+    /// The subject of the check.
     pub name: &'static str,
     /// How it is.
     pub verdict: Verdict,

@@ -50,7 +50,7 @@ impl Failure {
         Self { kind: Kind::Fault, message: message.into() }
     }
 
-    /// What this computer denies.
+    /// A right or a resource that this computer denies.
     pub fn machine(message: impl Into<String>) -> Self {
         Self { kind: Kind::Machine, message: message.into() }
     }

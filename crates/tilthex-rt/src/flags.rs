@@ -14,7 +14,7 @@ pub struct Flags {
     pub interrupted: Arc<AtomicBool>,
     land: Arc<AtomicBool>,
     kill: Arc<AtomicBool>,
-    /// When the operator was heard last; 0 while nobody's orders are flown.
+    /// Time of the operator's last message; 0 while no operator's orders are flown.
     heard: Arc<AtomicU64>,
 }
 

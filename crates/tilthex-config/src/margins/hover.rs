@@ -6,7 +6,7 @@ use super::{
 };
 use nalgebra::{Complex, ComplexField};
 
-/// A loop gain below this is none.
+/// A loop gain below this counts as zero.
 const LEAST_GAIN: f64 = 1e-3;
 
 /// How far the loop of one axis is from its stability limit, the other axes' loops closed.

@@ -13,7 +13,7 @@ const RESERVE_DEG: f64 = 0.5;
 pub const LOW_PHASE_MARGIN_DEG: f64 = 25.0;
 /// The sensitivity peak above which a warning is given.
 pub const HIGH_PEAK: f64 = 2.5;
-/// What derived gains have, each axis by itself.
+/// The margins of derived gains, each axis by itself.
 const ASKED: (f64, f64) = (LEAST_PHASE_MARGIN_DEG + RESERVE_DEG, LARGEST_PEAK);
 /// The fastest double poles that are derived, 1/s: position and rotation.
 const FASTEST: (f64, f64) = (10.0, 15.0);

@@ -127,7 +127,7 @@ pub(super) fn numbers(vector: &Vector3) -> String {
     format!("[{:.2}, {:.2}, {:.2}]", vector.x, vector.y, vector.z)
 }
 
-/// Refuses what is more than may be, or no number.
+/// Refuses a value that is too large, or not finite.
 fn check(what: &str, found: f64, most: f64, key: &str) -> Result<(), String> {
     if found <= most {
         return Ok(());

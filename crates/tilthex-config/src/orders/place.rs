@@ -18,7 +18,7 @@ pub struct Place {
     pub tool_w: Option<(Vector3, Matrix3)>,
 }
 
-/// What the geofence asks of orders.
+/// The condition that the geofence sets for orders.
 #[derive(Clone, Debug)]
 pub(super) struct Geofence {
     fence: Fence,

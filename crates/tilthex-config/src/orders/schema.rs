@@ -9,7 +9,7 @@ use crate::described;
 
 const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schema/orders.json");
 
-/// What a command takes, as a schema of its own.
+/// The arguments of a command, as a schema of its own.
 fn takes<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
     Value::from(T::json_schema(generator))
 }
@@ -39,7 +39,7 @@ fn admittance() -> Value {
     json!({"type": "object", "properties": properties, "additionalProperties": false})
 }
 
-/// A command with its name, an `id`, and what it takes.
+/// A command with its name, an `id`, and its arguments.
 fn command(name: &str, mut takes: Value) -> Value {
     let object = takes.as_object_mut().expect("an object's schema");
     object.remove("title");

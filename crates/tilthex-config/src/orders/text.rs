@@ -1,4 +1,4 @@
-//! What orders look like as text.
+//! Orders as text.
 
 use serde::Deserialize;
 use tilthex_core::{
@@ -149,7 +149,7 @@ pub(super) struct FollowText {
     /// rad/s^2, world.
     #[serde(default)]
     pub(super) angular_acceleration: [f64; 3],
-    /// What the tool shall exert.
+    /// The wrench that the tool shall exert.
     #[serde(default)]
     pub(super) wrench: WrenchText,
 }

@@ -9,7 +9,7 @@ const ATTEMPTS: usize = 1000;
 /// The true vehicle of a model, and its centre of mass in the model's robot frame, m.
 ///
 /// # Errors
-/// Names what cannot be, such as a mass below zero.
+/// Names the impossible value, such as a mass below zero.
 pub(super) fn vehicle(
     errors: &ErrorSection,
     model: &Vehicle,

@@ -60,7 +60,7 @@ pub struct TruthSection {
     delays: Table,
 }
 
-/// What is true for one seed.
+/// The true vehicle for one seed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TrueVehicle {
     /// The seed it was drawn with.
@@ -97,7 +97,7 @@ impl TruthSection {
     /// One of [`LEVELS`], or the `[truth]` of a TOML file.
     ///
     /// # Errors
-    /// Says what is wrong, and which levels there are.
+    /// Names the fault, and the levels that exist.
     pub fn named(name: &str) -> Result<Self, ConfigError> {
         if name.ends_with(".toml") {
             Self::from_file(Path::new(name))
@@ -122,7 +122,7 @@ impl TruthSection {
     /// Reads the table.
     ///
     /// # Errors
-    /// Says what is wrong, and which key.
+    /// Names the fault and the key.
     pub fn from_table(table: Table) -> Result<Self, ConfigError> {
         let named = table.get("level").and_then(Value::as_str).unwrap_or("exact").to_owned();
         let alone = table.len() == usize::from(table.contains_key("level"));
@@ -169,7 +169,7 @@ impl TruthSection {
     /// The true vehicle of a model for a seed.
     ///
     /// # Errors
-    /// Says what of the draw cannot be.
+    /// Names the impossible value of the draw.
     pub fn draw(&self, model: &VehicleSection, seed: u64) -> Result<TrueVehicle, ConfigError> {
         let (aerodynamics, structure, sensors, delays) = self.drawn_sections(seed)?;
         let keys = spread::drawn(&self.vehicle, "truth.vehicle", seed)?;

@@ -10,7 +10,7 @@ const CUT: f64 = 3.0;
 /// The keys that make a table a distribution.
 const KEYS: [&str; 4] = ["mean", "std", "min", "max"];
 
-/// A number, or what it is drawn from.
+/// A number, or the distribution that it is drawn from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number, { mean, std } or { min, max }")]
 pub enum Spread {
@@ -57,7 +57,7 @@ impl Spread {
         }
     }
 
-    /// Refuses what is no distribution.
+    /// Refuses a value that is no distribution.
     ///
     /// # Errors
     /// What is wrong.

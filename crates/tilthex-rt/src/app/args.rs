@@ -1,4 +1,4 @@
-//! What `tilthex-rt` is told.
+//! The arguments of `tilthex-rt`.
 
 use std::path::PathBuf;
 

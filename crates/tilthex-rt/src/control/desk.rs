@@ -21,7 +21,7 @@ pub struct Desk {
     flags: Flags,
 }
 
-/// What one order at a time may touch.
+/// The state that one order at a time may change.
 #[derive(Debug)]
 struct Counter {
     orders: Orders,

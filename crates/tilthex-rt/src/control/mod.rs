@@ -40,7 +40,7 @@ use crate::{
 /// Somebody who finds no place waits this long for the next look.
 const WAIT: Duration = Duration::from_millis(5);
 
-/// What all connections share.
+/// The state that all connections share.
 #[derive(Debug)]
 struct Shared {
     desk: Desk,

@@ -40,7 +40,7 @@ struct Stream {
     next: Nanos,
 }
 
-/// What follows from a line.
+/// The reaction to a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Reply {
     /// What is said, if anything.
