@@ -8,7 +8,19 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from tilthex import __version__, check, compare, convert, design, estimate, fit, manoeuvres, plot, tune
+from tilthex import (
+    __version__,
+    check,
+    compare,
+    convert,
+    design,
+    estimate,
+    excite,
+    fit,
+    manoeuvres,
+    plot,
+    tune,
+)
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
 
@@ -18,6 +30,7 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
     convert.add_parser,
     design.add_parser,
     estimate.add_parser,
+    excite.add_parser,
     experiments.add_parser,
     fit.add_parser,
     manoeuvres.add_parser,

@@ -290,6 +290,11 @@ impl World {
         record.put("wrench_true", self.body.tool_wrench_w().to_vector().as_slice());
         record.put("rotor_speeds", &state.rotor_speeds.as_slice()[..rotors]);
         record.put("rotor_command", &flown.rotor_command.as_slice()[..rotors]);
+        let sample = self.telemetry.inertial.samples().last();
+        let read = |of: fn(&Inertial) -> Vector3| sample.map_or_else(Vector3::zeros, of);
+        record.put("gyro", read(|s| s.gyro_i).as_slice());
+        record.put("specific_force", read(|s| s.specific_force_i).as_slice());
+        record.put("measured_rotor_speeds", &flown.rotor_speeds.as_slice()[..rotors]);
         record.put("saturated", &[f64::from(u8::from(flown.saturated))]);
         record.put("phase", &[f64::from(flown.phase as u8)]);
         record.end_row();

@@ -1,0 +1,129 @@
+"""What is identified from: flights, figures, and the windows that a flight falls into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+WINDOW = 1.0
+"""Within each window the rate starts anew, s."""
+BLOCK = 1.0
+"""Residuals further apart than this are taken for independent, s."""
+LEARNT = 0.5
+"""A figure is learnt where the flight left less than this part of its deviation."""
+PRIOR = {
+    "mass": 0.03,
+    "thrust": 0.05,
+    "thrust_each": 0.03,
+    "drag_moment": 0.15,
+    "rotor_axis": np.radians(1.5),
+    "centre_of_mass": 0.006,
+    "inertia": 0.15,
+    "inertia_product": 0.05,
+    "accelerometer_bias": 0.1,
+    "rotor_drag": 3e-4,
+    "speed_age": 0.003,
+    "rotor_lag": 0.3,
+    "dead_time": 0.005,
+}
+"""Standard deviations before a flight: parts, rad, m, parts of the inertia, m/s^2, N s/m per Hz, s."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """One row a sample of a flight; the time steps are even.
+
+    `used` is False where the vehicle stands on the ground. Contact in the air is found by `identify`.
+    """
+
+    time: Array
+    specific_force: Array
+    """Where the model has the centre of mass, m/s^2, robot axes, (N, 3)."""
+    angular_velocity: Array
+    """rad/s, robot axes, (N, 3)."""
+    rotor_speeds: Array
+    """Measured, Hz, (N, n)."""
+    rotor_command: Array | None = None
+    """Hz, (N, n); tells the rotors' lag."""
+    velocity: Array | None = None
+    """m/s, robot axes, (N, 3); tells the rotors' drag."""
+    used: Mask | None = None
+
+    @cached_property
+    def rotor_acceleration(self) -> Array:
+        """Smoothed slope of the measured speeds, Hz/s, (N, n)."""
+        from scipy.signal import savgol_filter
+
+        step = float(np.median(np.diff(self.time)))
+        half = max(2, round(0.01 / step))
+        return np.asarray(savgol_filter(self.rotor_speeds, 2 * half + 1, 2, deriv=1, delta=step, axis=0))
+
+    def rows(self, values: Array, step: float) -> Array:
+        """Means of a column (N, ...) of this flight over `step`, s."""
+        count = max(1, round(step / float(np.median(np.diff(self.time)))))
+        rows = len(self.time) // count
+        whole: Array = values[: rows * count].reshape(rows, count, *values.shape[1:]).mean(axis=1)
+        return whole
+
+    def coarser(self, step: float) -> Flight:
+        """Means over pairs or more of samples, so that they are about `step` apart, s."""
+
+        def mean(values: Array) -> Array:
+            return self.rows(values, step)
+
+        return Flight(
+            mean(self.time),
+            mean(self.specific_force),
+            mean(self.angular_velocity),
+            mean(self.rotor_speeds),
+            None if self.rotor_command is None else mean(self.rotor_command),
+            None if self.velocity is None else mean(self.velocity),
+            None if self.used is None else mean(self.used.astype(float)) > 0.999,
+        )
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A parameter with its standard deviations after and before the flight, and the model's value."""
+
+    name: str
+    unit: str
+    value: float
+    deviation: float
+    prior: float
+    model: float
+
+    @property
+    def learnt(self) -> bool:
+        """Whether the flight tells it."""
+        return self.deviation < LEARNT * self.prior
+
+    def __str__(self) -> str:
+        """One line of a table."""
+        tail = "" if self.learnt else "  not learnt"
+        figure = f"{self.name:22s} {self.value:12.6g} +- {self.deviation:9.2g} {self.unit:10s}"
+        return f"{figure} (model: {self.model:.5g} +- {self.prior:.2g}){tail}"
+
+
+def windows(flight: Flight, length: float) -> NDArray[np.int64]:
+    """The number of each sample's window; -1 where it is not whole."""
+    step = float(np.median(np.diff(flight.time)))
+    number: NDArray[np.int64] = np.floor((flight.time - flight.time[0]) / length + 1e-9).astype(np.int64)
+    counts = np.bincount(number)
+    number[counts[number] < 0.9 * length / step] = -1
+    return number
+
+
+def centred(values: Array, window: NDArray[np.int64]) -> Array:
+    """Less the mean of each window; 0 outside of all."""
+    inside = window >= 0
+    number = np.where(inside, window, window.max() + 1)
+    counts = np.maximum(np.bincount(number), 1)
+    means = np.stack([np.bincount(number, column) / counts for column in values.T], axis=1)
+    return np.asarray((values - means[number]) * inside[:, None])

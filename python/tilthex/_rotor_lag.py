@@ -1,0 +1,99 @@
+"""The rotors' lag and dead time, from commands and measured speeds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from tilthex._core import Vehicle
+from tilthex._identified import BLOCK, PRIOR, WINDOW, Array, Figure, Flight, Mask, centred, windows
+
+TRUSTED = 0.1
+"""Slower than this the measured speed is believed, faster the command's answer, s."""
+
+
+def answered(flight: Flight, lag: float, dead_time: float) -> Array:
+    """The speeds that the commands lead to, Hz, (N, n); lag and dead time in s."""
+    from scipy.signal import lfilter
+
+    assert flight.rotor_command is not None
+    step = float(np.median(np.diff(flight.time)))
+    # A command acts from its own tick on, so the speed beside it is older by a step.
+    late = flight.time - step - dead_time
+    command = np.stack([np.interp(late, flight.time, c) for c in flight.rotor_command.T], axis=1)
+    keep = float(np.exp(-step / max(lag, 1e-4)))
+    speeds: Array = lfilter([1 - keep], [1, -keep], command, axis=0, zi=keep * flight.rotor_speeds[:1])[0]
+    return speeds
+
+
+def without_noise(flight: Flight, lag: Sequence[Figure]) -> Flight:
+    """The same with rotor speeds that hold hardly any noise of their measurement.
+
+    Noise of the speeds would look like torque that the vehicle does not follow: it would seem heavier.
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    if not lag or flight.rotor_command is None:
+        return flight
+    speeds = answered(flight, lag[0].value, lag[1].value)
+    width = max(1, round(TRUSTED / float(np.median(np.diff(flight.time)))))
+    rest = uniform_filter1d(flight.rotor_speeds - speeds, width, axis=0, mode="nearest")
+    return replace(flight, rotor_speeds=speeds + rest)
+
+
+def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
+    """Time constant and dead time from command to measured speed, of all rotors together."""
+    from scipy.optimize import least_squares
+
+    told = [
+        (f, np.ones(len(f.time), bool) if f.used is None else f.used)
+        for f in flights
+        if f.rotor_command is not None
+    ]
+    start = vehicle.rotor_time_constant
+    if not told or start <= 0:
+        return []
+    prior = np.array([PRIOR["rotor_lag"] * start, PRIOR["dead_time"]])
+
+    def left(x: Array, flight: Flight, mask: Mask) -> Array:
+        # What is not commanded, as a battery that falls, is slow.
+        off = flight.rotor_speeds - answered(flight, x[0], x[1])
+        rows: Array = centred(off, windows(flight, WINDOW))[mask]
+        return rows
+
+    def stacked(x: Array) -> Array:
+        return np.vstack([left(x, f, u) for f, u in told])
+
+    first = stacked(np.array([start, 0.0]))
+    noise = 1.4826 * float(np.median(abs(first))) + 1e-9
+
+    def residual(z: Array, noise: float) -> Array:
+        x = np.array([start, 0.0]) + prior * z
+        rows: Array = np.r_[stacked(x).ravel() / noise, z]
+        return rows
+
+    z = np.zeros(2)
+    for _ in range(2):
+        found = least_squares(residual, z, args=(noise,), loss="soft_l1")
+        z = found.x
+        noise = 1.4826 * float(np.median(abs(stacked(np.array([start, 0.0]) + prior * z)))) + 1e-9
+    jacobian = np.stack(
+        [(residual(z + e, noise) - residual(z - e, noise)) / 0.02 for e in 0.01 * np.eye(2)], axis=1
+    )
+    rows, plain = residual(z, noise)[:-2], jacobian[:-2]
+    n = told[0][0].rotor_speeds.shape[1]
+    number = np.repeat(
+        np.concatenate([windows(f, BLOCK)[u] + 10_000 * k for k, (f, u) in enumerate(told)]), n
+    )
+    number = np.unique(number, return_inverse=True)[1]
+    sums = np.stack([np.bincount(number, plain[:, k] * rows) for k in range(2)], axis=1)
+    inverse = np.linalg.inv(plain.T @ plain + np.eye(2))
+    spread = inverse @ (sums.T @ sums + np.eye(2)) @ inverse
+    values, deviation = np.array([start, 0.0]) + prior * z, prior * np.sqrt(np.diag(spread))
+    names = (("rotor lag", start), ("dead time", 0.0))
+    return [
+        Figure(name, "s", float(v), float(d), float(p), m)
+        for (name, m), v, d, p in zip(names, values, deviation, prior, strict=True)
+    ]
