@@ -62,6 +62,11 @@ PAGES = (
         ("python -m benchmarks.contact_stability --cases 100 --first 9000",),
     ),
     Page(
+        "contact",
+        "Wind or contact: touches told from gusts",
+        ("python -m benchmarks.contact --seeds 40 --first 7000",),
+    ),
+    Page(
         "model",
         "Vehicles that are not their model, after the calibration flight",
         (

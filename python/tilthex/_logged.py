@@ -87,6 +87,10 @@ class State(TypedDict):
     """About the tool tip, world axes. [N, N m]"""
     torque: Array
     """About the tool tip, world axes. [N, N m]"""
+    wind: Array
+    """Estimated velocity of the air; zero where `[contact] discrimination` is off. [m/s]"""
+    contact_likelihood: float | None
+    """Likelihood that the tool is touched; near 1 where `[contact] discrimination` is off. [1]"""
     position_error: Array
     """Position error e_p. [m]"""
     compliant: bool

@@ -31,7 +31,8 @@ class Run(dict[str, NDArray[np.float64]]):
     controller is given them; `setpoint_position`, `setpoint_rotation`,
     `reference_position`, `reference_rotation` of the tool; `position_error`,
     `rotation_error` of the pose controller; `wrench_robot`, `wrench_tool` as
-    observed, `wrench_true` at the tool; `rotor_speeds`, `rotor_command` Hz;
+    observed, `wrench_true` at the tool; `wind` m/s and `contact_likelihood` 0 to 1
+    as estimated (with `[contact] discrimination`); `rotor_speeds`, `rotor_command` Hz;
     `gyro` rad/s, `specific_force` m/s^2 and `measured_rotor_speeds` Hz as the sensors gave them, IMU axes;
     `saturated` 0 or 1; `phase` 0 disarmed, 1 starting, 2 grounded, 3 flying,
     4 holding, 5 landing, 6 emergency.

@@ -12,8 +12,10 @@ use tilthex_core::{
     admittance::{AdmittanceFilter, AdmittanceParams},
     allocation::{Allocator, AllocatorParams, Priority},
     attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
+    contact::ContactParams,
     controller::{Controller, ControllerParams},
     free_wrench::FreeWrenchParams,
+    plant::{BodyDrag, RotorDrag},
     pose_control::{PoseController, PoseGains},
     vehicle::Actuation,
     wrench_observer::{ObserverGains, WrenchObserver},
@@ -76,6 +78,32 @@ section! {
         max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
         /// Farthest the reference turns from the set-point.
         max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
+    }
+}
+
+section! {
+    /// Wind is not contact: what of the observed wrench is drag in a wind does not move the tool (docs/contact.md).
+    pub ContactSection as "contact" {
+        /// Whether wind is told from contact. Without it, all that is observed at the tool moves it.
+        discrimination: bool = false,
+        /// Drag of the rotors in the model: force against the airspeed in a rotor's disc, per Hz of its speed.
+        rotor_drag: f64 = 0.0 => "N s/m per Hz" from 0.0 to 1.0,
+        /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
+        drag_area: Axes<3> = Axes([0.0; 3]) => "m^2" from 0.0 to 10.0,
+        /// Where that force acts, from the centre of mass, robot frame.
+        centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
+        /// Standard deviation of each component of the wind that may blow.
+        wind_deviation: f64 = ContactParams::default().wind.0 => "m/s" from 1e-3 to 50.0,
+        /// Time in which the wind changes by as much.
+        wind_time: f64 = ContactParams::default().wind.1 => "s" from 0.1 to 1e4,
+        /// Standard deviation of the force that is observed without wind and contact.
+        force_noise: f64 = ContactParams::default().noise.0 => "N" from 1e-3 to 10.0,
+        /// Likewise of the torque about the tool.
+        torque_noise: f64 = ContactParams::default().noise.1 => "N m" from 1e-4 to 10.0,
+        /// Size of the force of a touch.
+        touch_force: f64 = ContactParams::default().touch.0 => "N" from 1e-3 to 100.0,
+        /// Size of the torque of a touch about the tool: a point has none.
+        touch_torque: f64 = ContactParams::default().touch.1 => "N m" from 1e-3 to 100.0,
     }
 }
 
@@ -143,6 +171,25 @@ impl AdmittanceSection {
             way: self.max_wrench_way,
             spin: self.max_wrench_spin_deg.to_radians(),
             turn: self.max_wrench_turn_deg.to_radians(),
+        }
+    }
+}
+
+impl ContactSection {
+    /// With the gains of the observer whose wrench is looked at.
+    fn params(&self, observer: &ObserverGains) -> ContactParams {
+        ContactParams {
+            discrimination: self.discrimination,
+            rotor_drag: RotorDrag { drag: self.rotor_drag, flapping: 0.0 },
+            body_drag: BodyDrag {
+                area_r: self.drag_area.vector(),
+                centre_r: self.centre_of_pressure.vector(),
+            },
+            wind: (self.wind_deviation, self.wind_time),
+            noise: (self.force_noise, self.torque_noise),
+            touch: (self.touch_force, self.touch_torque),
+            rate: observer.force.min().min(observer.torque.min()),
+            ..ContactParams::default()
         }
     }
 }
@@ -215,6 +262,7 @@ fn default_params() -> Result<ControllerParams, ConfigError> {
         pose: &PoseControlSection::default(),
         observer: &WrenchObserverSection::default(),
         admittance: &AdmittanceSection::default(),
+        contact: &ContactSection::default(),
         allocation: &AllocationSection::default(),
         attitude: &AttitudeSection::default(),
     }
@@ -226,6 +274,7 @@ pub(super) struct ControllerSections<'a> {
     pub(super) pose: &'a PoseControlSection,
     pub(super) observer: &'a WrenchObserverSection,
     pub(super) admittance: &'a AdmittanceSection,
+    pub(super) contact: &'a ContactSection,
     pub(super) allocation: &'a AllocationSection,
     pub(super) attitude: &'a AttitudeSection,
 }
@@ -240,6 +289,7 @@ impl ControllerSections<'_> {
             torque_dead_zone: self.admittance.torque_dead_zone,
             low_pass_hz: self.admittance.low_pass_hz,
             room_torque: self.admittance.room_torque,
+            contact: self.contact.params(&self.observer.gains()),
             free_wrench: self.admittance.free_wrench(),
             allocation: self.allocation.params()?,
             attitude: self.attitude.params()?,

@@ -21,7 +21,8 @@ mod values;
 mod vehicle;
 
 pub use control::{
-    AdmittanceSection, AllocationSection, AttitudeSection, PoseControlSection, WrenchObserverSection,
+    AdmittanceSection, AllocationSection, AttitudeSection, ContactSection, PoseControlSection,
+    WrenchObserverSection,
 };
 pub use estimator::EstimatorSection;
 pub use section::{ConfigError, Described, Key, Section};
@@ -40,6 +41,7 @@ macro_rules! each_section {
             pose_control: PoseControlSection,
             wrench_observer: WrenchObserverSection,
             admittance: AdmittanceSection,
+            contact: ContactSection,
             allocation: AllocationSection,
             attitude: AttitudeSection,
             estimator: EstimatorSection,
@@ -153,12 +155,14 @@ impl Config {
         let pose_control = section::take(&mut table)?;
         let wrench_observer = section::take(&mut table)?;
         let admittance = section::take(&mut table)?;
+        let contact = section::take(&mut table)?;
         let allocation = section::take(&mut table)?;
         let attitude = section::take(&mut table)?;
         let controller = control::ControllerSections {
             pose: &pose_control,
             observer: &wrench_observer,
             admittance: &admittance,
+            contact: &contact,
             allocation: &allocation,
             attitude: &attitude,
         }
@@ -168,6 +172,7 @@ impl Config {
             pose_control,
             wrench_observer,
             admittance,
+            contact,
             allocation,
             attitude,
             estimator: section::take(&mut table)?,

@@ -49,6 +49,7 @@ fn parameters(damping: f64) -> ControllerParams {
         low_pass_hz: 20.0,
         room_torque: 0.0,
         free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
+        contact: tilthex_core::contact::ContactParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     }

@@ -9,6 +9,7 @@ use crate::{
     allocation::{Allocation, Allocator, AllocatorParams, AllocatorState, RotorStatus},
     attitude::{Attitude, AttitudeParams, AttitudeSelector, AttitudeState},
     bias::BiasEstimator,
+    contact::{Contact, ContactParams, ContactState, Seen},
     error::check_range,
     filters::{LowPass, LowPassState, dead_zone, lag_fraction},
     free_wrench::{FreeWrenchParams, FreeWrenchState},
@@ -50,6 +51,8 @@ pub struct ControllerParams {
     /// Largest torque about the tool's axis that turns the reference to where the rotors have
     /// more room, N m; 0 for none.
     pub room_torque: f64,
+    /// How wind is told from contact.
+    pub contact: ContactParams,
     /// How a wrench set-point moves the tool where nothing resists it.
     pub free_wrench: FreeWrenchParams,
     /// What is given up first where the rotors' limits do not let all be had.
@@ -87,6 +90,7 @@ impl Controller {
         check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
         check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
         params.free_wrench.checked()?;
+        params.contact.checked()?;
         let room = RotorRoom::new(&vehicle, params.room_torque)?;
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(0.0, f64::max);
         let scale = (vehicle.weight(), vehicle.weight() * arm);
@@ -210,11 +214,18 @@ impl Controller {
         };
         let tool = self.vehicle.tool();
         let wrench_tool_w = tool_wrench(&contact, &robot.rotation_wr, &tool.position_r);
-        let smooth =
-            Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &wrench_tool_w.to_vector(), dt));
+        let seen = Seen {
+            vehicle: &self.vehicle,
+            robot,
+            rotor_speeds: &input.rotor_speeds,
+            wrench_tool_w: &wrench_tool_w,
+        };
+        let told = self.params.contact.step(&mut state.contact, &seen, dt);
+        let touching = (wrench_tool_w - told.drag_tool_w).to_vector();
+        let smooth = Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &touching, dt));
         let wrench_admittance_w = Wrench {
-            force: dead_zone(&smooth.force, self.params.force_dead_zone),
-            torque: dead_zone(&smooth.torque, self.params.torque_dead_zone),
+            force: dead_zone(&smooth.force, self.params.force_dead_zone) * told.part,
+            torque: dead_zone(&smooth.torque, self.params.torque_dead_zone) * told.part,
         };
         let mut drive = Wrench::ZERO;
         if input.compliant {
@@ -273,6 +284,7 @@ impl Controller {
             wrench_robot: observed,
             wrench_tool_w,
             wrench_admittance_w,
+            told,
             setpoint: input.setpoint,
             compliant: input.compliant,
             reference: yielded.reference,

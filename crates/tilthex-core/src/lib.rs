@@ -22,6 +22,7 @@ pub mod allocation;
 pub mod attitude;
 pub mod bias;
 pub mod clock_sync;
+pub mod contact;
 pub mod controller;
 pub mod error;
 pub mod estimator;

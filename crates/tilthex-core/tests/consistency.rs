@@ -104,6 +104,7 @@ fn controller(vehicle: Vehicle) -> Controller {
         low_pass_hz: 10.0,
         room_torque: 0.0,
         free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
+        contact: tilthex_core::contact::ContactParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
     };

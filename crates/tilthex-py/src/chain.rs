@@ -22,7 +22,7 @@ use tilthex_core::{
 };
 
 /// What is kept of every period: name and width of each column.
-const COLUMNS: [(&str, usize); 14] = [
+const COLUMNS: [(&str, usize); 16] = [
     ("setpoint_position", 3),
     ("setpoint_rotation", 9),
     ("reference_position", 3),
@@ -36,6 +36,8 @@ const COLUMNS: [(&str, usize); 14] = [
     ("wrench_robot", 6),
     ("wrench_tool", 6),
     ("wrench_admittance", 6),
+    ("wind", 3),
+    ("contact_likelihood", 1),
     ("saturated", 1),
 ];
 
@@ -244,7 +246,8 @@ impl Loop {
     /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the robot's state as the
     /// controller was given it. `position_error`, `rotation_error`: of the pose controller.
     /// `wrench_robot` (force W, torque R), `wrench_tool` (W) as observed, `wrench_admittance`
-    /// (W) behind low-pass and dead zone. `saturated`: 0 or 1.
+    /// (W) behind low-pass and dead zone. `wind`: estimated velocity of the air, m/s, and
+    /// `contact_likelihood`, 0 to 1 (with `[contact] discrimination`). `saturated`: 0 or 1.
     fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let width: usize = COLUMNS.iter().map(|c| c.1).sum();
         let columns = PyDict::new(py);
@@ -307,6 +310,8 @@ impl Loop {
         rows.extend(&record.wrench_robot.to_vector());
         rows.extend(&record.wrench_tool_w.to_vector());
         rows.extend(&record.wrench_admittance_w.to_vector());
+        rows.extend(&record.wind_w);
+        rows.push(record.contact_likelihood);
         rows.push(f64::from(u8::from(record.saturated)));
     }
 }

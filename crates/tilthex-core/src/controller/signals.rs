@@ -1,9 +1,9 @@
 //! What goes into the controller, what moves in it, and what comes out.
 
 use super::{
-    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, FreeWrenchState, LowPassState,
-    ObserverInput, PoseCommand, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle,
-    Wrench, WrenchObserverState, tool_wrench,
+    AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, Contact, ContactState,
+    FreeWrenchState, LowPassState, ObserverInput, PoseCommand, Reference, RobotState, RotorVector, Setpoint,
+    Vector3, Vector6, Vehicle, Wrench, WrenchObserverState, tool_wrench,
 };
 
 /// What moves in the controller.
@@ -13,6 +13,8 @@ pub struct ControllerState {
     pub observer: WrenchObserverState,
     /// Observed force, N, world, as an unyielding flight compensates it.
     pub lasting_force_w: Vector3,
+    /// What is believed of wind and contact.
+    pub contact: ContactState,
     /// The low-pass filter's.
     pub low_pass: LowPassState,
     /// The admittance filter's.
@@ -92,8 +94,10 @@ pub struct ControllerOutput {
     pub wrench_robot: Wrench,
     /// External wrench at the tool, W, bias removed, before low-pass and dead zone.
     pub wrench_tool_w: Wrench,
-    /// What entered the admittance filter: behind low-pass and dead zone.
+    /// What entered the admittance filter: behind low-pass and dead zone, without what is wind.
     pub wrench_admittance_w: Wrench,
+    /// What of the observed wrench is wind, and what contact.
+    pub told: Contact,
     /// What the tool is asked to do.
     pub setpoint: Setpoint,
     /// Whether contact moves the reference.

@@ -93,6 +93,10 @@ pub struct Record {
     pub wrench_tool_w: Wrench,
     /// What entered the admittance filter, W.
     pub wrench_admittance_w: Wrench,
+    /// Estimated velocity of the air, m/s, W; zero where it is not estimated.
+    pub wind_w: Vector3,
+    /// Likelihood of contact, 0 to 1; 1 where it is not asked for.
+    pub contact_likelihood: f64,
     /// e_p, m, W.
     pub position_error_w: Vector3,
     /// Rotation error e_R, robot; without unit, (15).
@@ -159,6 +163,8 @@ impl Default for Record {
             wrench_robot: Wrench::ZERO,
             wrench_tool_w: Wrench::ZERO,
             wrench_admittance_w: Wrench::ZERO,
+            wind_w: zero,
+            contact_likelihood: 0.0,
             position_error_w: zero,
             rotation_error_r: zero,
             compliant: false,
@@ -212,6 +218,8 @@ impl Flight {
             record.wrench_robot = o.wrench_robot;
             record.wrench_tool_w = o.wrench_tool_w;
             record.wrench_admittance_w = o.wrench_admittance_w;
+            record.wind_w = o.told.wind_w;
+            record.contact_likelihood = o.told.likelihood();
             record.position_error_w = o.pose.position_error_w;
             record.rotation_error_r = o.pose.rotation_error_r;
             record.compliant = o.compliant;

@@ -100,6 +100,8 @@ const WRENCHES: Message<Tick> = Message {
         field(1, "robot", "N, N m", "", "At the centre of mass: force in world, torque in robot axes.", Force(|t| t.record.wrench_robot)),
         field(2, "tool_w", "N, N m", "force, torque", "About the tool tip, world axes.", Force(|t| t.record.wrench_tool_w)),
         field(3, "admittance_w", "N, N m", "", "What enters the admittance filter, world axes.", Force(|t| t.record.wrench_admittance_w)),
+        field(4, "wind_w", "m/s", "wind", "Estimated velocity of the air; zero where `[contact] discrimination` is off.", Vector(|t| t.record.wind_w)),
+        field(5, "contact_likelihood", "1", "contact_likelihood", "Likelihood that the tool is touched; near 1 where `[contact] discrimination` is off.", Number(|t| t.record.contact_likelihood)),
     ],
 };
 

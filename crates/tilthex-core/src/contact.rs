@@ -1,0 +1,251 @@
+//! Wind or contact: which part of an observed wrench may move the tool.
+//!
+//! Two things explain what the observer reports. Wind gives the drag of the airspeed
+//! `v - W`, whose torque about the tool is that of a force at the rotors and the airframe;
+//! and W changes slowly. A touch gives a force at the tool, with little torque about it,
+//! and comes at once. The wind W is estimated by a Kalman filter, a random walk observed
+//! through the drag of the model, while nothing is touched. Beside it runs the logarithm of
+//! the odds of contact: that of the ratio of the likelihoods of the innovation
+//!
+//!     n = what_E - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
+//!
+//! where J is the derivative of the drag by W, P the covariance of W, R that of what the
+//! observer reports where nothing acts, and C that of touches. It is summed over independent
+//! samples, one in `2 / L` for an observer of rate L, and bounded, so that it forgets. After Tomic, Lutz,
+//! Schmid, Mathers, Haddadin, arXiv 1810.12908, who tell the two apart by a model of drag as well.
+//!
+//! What is contact moves the admittance filter; all of it, wind included, is compensated.
+
+use crate::{
+    Error, Vehicle,
+    error::check_range,
+    plant::{BodyDrag, Effects, RotorDrag, Rotors},
+    types::{Matrix3, RobotState, RotorVector, Vector3, Wrench, is_finite3},
+    wrench_observer::tool_wrench,
+};
+use libm::{exp, log};
+
+/// Bounds of the log-odds of contact: how soon it is believed after the opposite.
+const BOUND: f64 = 4.0;
+/// Log-odds from which, and up to which, contact moves the filter by a growing part.
+const RAMP: (f64, f64) = (0.0, 2.0);
+/// The wind is learnt while the log-odds of contact are below this.
+const LEARNS: f64 = -1.0;
+/// Change of the wind, m/s, for the derivative of its drag.
+const STEP: f64 = 0.1;
+
+/// How wind is told from contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactParams {
+    /// Whether it is; otherwise all that is observed counts as contact.
+    pub discrimination: bool,
+    /// Drag of the rotors.
+    pub rotor_drag: RotorDrag,
+    /// Drag of the airframe.
+    pub body_drag: BodyDrag,
+    /// Density of the air, kg/m^3.
+    pub air_density: f64,
+    /// Standard deviation of each component of the wind, m/s, and the time in which it changes by as much, s.
+    pub wind: (f64, f64),
+    /// Standard deviations of what is observed without wind and contact, N and N m, about the tool.
+    pub noise: (f64, f64),
+    /// Sizes of touches, N and N m, about the tool.
+    pub touch: (f64, f64),
+    /// Rate of the wrench observer, 1/s: two samples are independent after twice its inverse.
+    pub rate: f64,
+}
+
+impl Default for ContactParams {
+    fn default() -> Self {
+        Self {
+            discrimination: false,
+            rotor_drag: RotorDrag::default(),
+            body_drag: BodyDrag::default(),
+            air_density: Effects::OFF.air_density,
+            wind: (3.0, 60.0),
+            noise: (0.08, 0.03),
+            touch: (0.7, 0.1),
+            rate: 30.0,
+        }
+    }
+}
+
+impl ContactParams {
+    /// The same, checked.
+    ///
+    /// # Errors
+    /// Names what is out of range.
+    pub fn checked(self) -> Result<Self, Error> {
+        check_range("rotor_drag", self.rotor_drag.drag, 0.0, 1.0)?;
+        for area in self.body_drag.area_r.iter() {
+            check_range("drag_area", *area, 0.0, 10.0)?;
+        }
+        for place in self.body_drag.centre_r.iter() {
+            check_range("centre_of_pressure", *place, -10.0, 10.0)?;
+        }
+        check_range("air_density", self.air_density, 0.0, 10.0)?;
+        check_range("wind_deviation", self.wind.0, 1e-3, 50.0)?;
+        check_range("wind_time", self.wind.1, 0.1, 1e4)?;
+        check_range("force_noise", self.noise.0, 1e-3, 10.0)?;
+        check_range("torque_noise", self.noise.1, 1e-4, 10.0)?;
+        check_range("touch_force", self.touch.0, 1e-3, 100.0)?;
+        check_range("touch_torque", self.touch.1, 1e-3, 100.0)?;
+        check_range("rate of the observer (1/s)", self.rate, 1e-6, 1e5)?;
+        Ok(self)
+    }
+
+    /// Tells the part of an observed wrench that is contact, `dt` seconds after the last.
+    pub fn step(&self, state: &mut ContactState, seen: &Seen<'_>, dt: f64) -> Contact {
+        if !self.discrimination {
+            return Contact {
+                wind_w: Vector3::zeros(),
+                log_odds: BOUND,
+                drag_tool_w: Wrench::ZERO,
+                part: 1.0,
+            };
+        }
+        let drag = self.drag(seen, &state.wind_w);
+        let innovation = *seen.wrench_tool_w - drag;
+        let slope = self.slope(seen, &state.wind_w, &drag);
+        let (force, torque) = self.noise;
+        let noise = [force * force, torque * torque];
+        let touched = [noise[0] + self.touch.0 * self.touch.0, noise[1] + self.touch.1 * self.touch.1];
+        let (deviation, time) = self.wind;
+        let largest = deviation * deviation;
+        let covariance = state.covariance.unwrap_or(Matrix3::from_diagonal_element(largest));
+        let grown = covariance + Matrix3::from_diagonal_element(largest * dt / time);
+        // No less is known than at the begin.
+        let covariance = if grown.trace() > 3.0 * largest { covariance } else { grown };
+        let free = Fit::of(&innovation, &slope, &covariance, noise);
+        let contact = Fit::of(&innovation, &slope, &covariance, touched);
+        let independent = (0.5 * self.rate * dt).min(1.0);
+        if let (Some(free), Some(contact)) = (&free, &contact) {
+            let odds = state.log_odds + independent * (contact.log_likelihood - free.log_likelihood);
+            if odds.is_finite() {
+                state.log_odds = odds.clamp(-BOUND, BOUND);
+            }
+        }
+        state.covariance = Some(covariance);
+        if state.log_odds < LEARNS && independent > 0.0 {
+            let sampled = noise.map(|variance| variance / independent);
+            if let Some(fit) = Fit::of(&innovation, &slope, &covariance, sampled) {
+                let wind_w = state.wind_w + fit.correction;
+                if is_finite3(&wind_w) {
+                    (state.wind_w, state.covariance) = (wind_w, Some(fit.covariance));
+                }
+            }
+        }
+        let (from, to) = RAMP;
+        Contact {
+            wind_w: state.wind_w,
+            log_odds: state.log_odds,
+            drag_tool_w: drag,
+            part: ((state.log_odds - from) / (to - from)).clamp(0.0, 1.0),
+        }
+    }
+
+    /// The drag in a wind, m/s, world, as a wrench about the tool, world.
+    fn drag(&self, seen: &Seen<'_>, wind_w: &Vector3) -> Wrench {
+        let effects = Effects {
+            air_density: self.air_density,
+            rotor_drag: self.rotor_drag,
+            body_drag: self.body_drag,
+            ..Effects::OFF
+        };
+        let rotors = Rotors { speeds: *seen.rotor_speeds, accelerations: RotorVector::zeros() };
+        let r = &seen.robot.rotation_wr;
+        let drag_r = effects.wrench(seen.vehicle, seen.robot, &rotors, wind_w);
+        let drag = Wrench { force: r * drag_r.force, ..drag_r };
+        tool_wrench(&drag, r, &seen.vehicle.tool().position_r)
+    }
+
+    /// Its derivatives by the components of the wind, force and torque.
+    fn slope(&self, seen: &Seen<'_>, wind_w: &Vector3, drag: &Wrench) -> [Matrix3; 2] {
+        let by = |axis: Vector3| self.drag(seen, &(wind_w + axis * STEP)) - *drag;
+        let [x, y, z] = [by(Vector3::x()), by(Vector3::y()), by(Vector3::z())];
+        [
+            Matrix3::from_columns(&[x.force, y.force, z.force]) / STEP,
+            Matrix3::from_columns(&[x.torque, y.torque, z.torque]) / STEP,
+        ]
+    }
+}
+
+/// What an observed wrench is seen with.
+#[derive(Clone, Copy, Debug)]
+pub struct Seen<'a> {
+    /// The vehicle.
+    pub vehicle: &'a Vehicle,
+    /// Its pose and twist.
+    pub robot: &'a RobotState,
+    /// Measured rotor speeds, Hz.
+    pub rotor_speeds: &'a RotorVector,
+    /// The observed wrench about the tool, world.
+    pub wrench_tool_w: &'a Wrench,
+}
+
+/// What is believed of wind and contact.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ContactState {
+    wind_w: Vector3,
+    /// (m/s)^2, once there is one.
+    covariance: Option<Matrix3>,
+    log_odds: f64,
+}
+
+impl Default for ContactState {
+    fn default() -> Self {
+        Self { wind_w: Vector3::zeros(), covariance: None, log_odds: -BOUND }
+    }
+}
+
+/// What an observed wrench is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Contact {
+    /// Estimated velocity of the air, m/s, world.
+    pub wind_w: Vector3,
+    /// Log-odds of contact, -4 to 4.
+    pub log_odds: f64,
+    /// Drag of the airspeed as a wrench about the tool, world: no contact.
+    pub drag_tool_w: Wrench,
+    /// Which part of the rest moves the admittance filter: 0 to 1.
+    pub part: f64,
+}
+
+impl Contact {
+    /// The likelihood of contact, 0 to 1.
+    #[must_use]
+    pub fn likelihood(&self) -> f64 {
+        1.0 / (1.0 + exp(-self.log_odds))
+    }
+}
+
+/// An innovation beside wind of a covariance P and noise of a diagonal covariance D, by the lemma of Woodbury:
+/// `S^-1 = D^-1 - D^-1 J Q J' D^-1`, `Q = (P^-1 + J' D^-1 J)^-1`.
+struct Fit {
+    /// But for what does not depend on D.
+    log_likelihood: f64,
+    /// Of the wind, m/s.
+    correction: Vector3,
+    covariance: Matrix3,
+}
+
+impl Fit {
+    fn of(n: &Wrench, slope: &[Matrix3; 2], covariance: &Matrix3, noise: [f64; 2]) -> Option<Self> {
+        let (mut information, mut weighed) = (covariance.try_inverse()?, Vector3::zeros());
+        let (mut square, mut volume) = (0.0, 0.0);
+        for ((n, slope), variance) in [n.force, n.torque].iter().zip(slope).zip(noise) {
+            information += slope.transpose() * slope / variance;
+            weighed += slope.transpose() * n / variance;
+            square += n.norm_squared() / variance;
+            volume += 3.0 * log(variance);
+        }
+        let known = information.try_inverse()?;
+        let correction = known * weighed;
+        let square = square - weighed.dot(&correction);
+        let log_likelihood = -0.5 * (square + volume + log(information.determinant()));
+        Some(Self { log_likelihood, correction, covariance: 0.5 * (known + known.transpose()) })
+    }
+}
+
+#[cfg(test)]
+mod tests;
