@@ -111,6 +111,21 @@ def test_calibration_finds_offset_turn_and_latency(config):
     assert np.sqrt(np.mean(errors.position[50:] ** 2)) < 1e-3
 
 
+def test_a_calibration_that_is_none_is_refused(config):
+    """Clocks apart by more than is searched, and a body that turns about one axis only."""
+    with pytest.raises(ValueError, match="comes out at its bound"):
+        calibrate(recorded(700, late=0.2), config)
+    t = np.arange(0, 3, 0.002)
+    rng = np.random.default_rng(3)
+    turn = Rotation.from_rotvec(np.outer(0.5 * np.sin(2 * t), [0, 0, 1]))
+    gyro = np.outer(np.cos(2 * t), [0, 0, 1]) + rng.normal(scale=5e-4, size=(len(t), 3))
+    force = [0, 0, tilthex.GRAVITY] + rng.normal(scale=1e-2, size=(len(t), 3))  # noqa: RUF005
+    stamp, rotation = t[::5], turn[::5] * Rotation.from_rotvec(rng.normal(scale=1e-3, size=(len(t[::5]), 3)))
+    place = rng.normal(scale=3e-4, size=(len(stamp), 3))
+    with pytest.raises(ValueError, match="does not tell how the body is mounted"):
+        calibrate(Recording(t, gyro, force, stamp, place, rotation.as_matrix(), stamp), config)
+
+
 @pytest.mark.skipif(shutil.which("tilthex-rt") is None, reason="tilthex-rt is not installed")
 def test_estimates_from_a_log(tmp_path, capsys):
     log = tmp_path / "flight.mcap"

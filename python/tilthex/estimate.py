@@ -16,6 +16,15 @@ from tilthex.recording import Recording
 
 Array = NDArray[np.float64]
 
+LATENCIES = (-0.049, 0.1)
+"""Latencies between which `calibrate` searches, s: what the filter remembers."""
+FARTHEST = 3.0
+"""The captured body is within this of the robot along each axis, m."""
+BLOCK = 1.0
+"""Innovations further apart than this are taken for independent, s."""
+TURNS = 0.05
+"""Least rate about the second of the axes that a recording turns about, rad/s rms."""
+
 
 @dataclass(frozen=True)
 class PoseErrors:
@@ -206,18 +215,46 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
         return flat
 
     bounds = np.full(7, -np.inf), np.full(7, np.inf)
-    bounds[0][6], bounds[1][6] = 1 - 0.049 / 0.005, 1 + 0.1 / 0.005
+    bounds[0][:3], bounds[1][:3] = 1 - FARTHEST / scale[:3], 1 + FARTHEST / scale[:3]
+    bounds[0][6], bounds[1][6] = (1 + latency / scale[6] for latency in LATENCIES)
     # A filter that hardly trusts the poses leads near; the true one then decides.
     coarse = config.replace(estimator={"position_noise": 0.05, "rotation_noise_deg": 5.0})
     settings: dict[str, Any] = {"diff_step": 1e-3, "bounds": bounds, "max_nfev": 40}
     near = least_squares(residuals, np.ones(7), args=(coarse,), **settings)
     found = least_squares(residuals, near.x, args=(config,), loss="soft_l1", **settings)
-    spread = 2 * found.cost / max(len(found.fun) - 7, 1)
     jacobian = np.asarray(found.jac, dtype=float)
-    deviation = scale * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * spread)
-    deviation[3:6] = np.degrees(deviation[3:6])
+    white = np.linalg.pinv(jacobian.T @ jacobian) * 2 * found.cost / max(len(found.fun) - 7, 1)
+    coloured = _block_covariance(found.fun, jacobian, recording.pose_time[counts])
+    deviation = scale * np.sqrt(np.maximum(np.diag(white), np.diag(coloured)))
     best = offset(found.x)
+    at_bound = np.minimum(abs(found.x - bounds[0]), abs(found.x - bounds[1])) < 0.1
+    if at_bound.any():
+        what = "latency" if at_bound[6] else "place of the body"
+        raise ValueError(
+            f"the {what} comes out at its bound (latency {best.latency:.3f} s, place "
+            f"{np.round(best.body_position, 2).tolist()} m): the clocks of poses and samples differ by "
+            f"more than {LATENCIES[0]} to {LATENCIES[1]} s; move the times of the poses"
+        )
+    deviation[3:6] = np.degrees(deviation[3:6])
     return Calibration(best.body_position, best.body_rotation_deg, best.latency, deviation)
+
+
+def _block_covariance(residuals: Array, jacobian: Array, time: Array) -> Array:
+    """Covariance of the parameters by the scatter between blocks of `BLOCK`, for residuals of any colour.
+
+    `jacobian` is scipy's for the loss soft_l1: each row is scaled by its part of the Hessian.
+    """
+    z = residuals**2
+    # d = J^T r w with w = rho'; the scale of a row is the root of rho' + 2 z rho''.
+    plain = jacobian * ((1 + z) ** 0.75)[:, None]
+    score = plain * (residuals * (1 + z) ** -0.5)[:, None]
+    block = np.repeat(np.floor((time - time[0]) / BLOCK).astype(int), len(residuals) // len(time))
+    sums = np.zeros((block.max() + 1, jacobian.shape[1]))
+    np.add.at(sums, block, score)
+    count = len(np.unique(block))
+    inverse = np.linalg.pinv(jacobian.T @ jacobian)
+    covariance: Array = inverse @ (sums.T @ sums) @ inverse * count / max(count - 1, 1)
+    return covariance
 
 
 def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
@@ -237,6 +274,12 @@ def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
     gyro = (angle[step:] - angle[:-step]) / span
     used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] < 0.2)
     gyro_r = (gyro[used] - gyro[used].mean(axis=0)) @ config.vehicle.imu_rotation.T
+    second = float(np.sqrt(np.linalg.eigvalsh(np.cov(gyro_r.T))[1]))
+    if second < TURNS:
+        raise ValueError(
+            f"the recording does not tell how the body is mounted: about a second axis it "
+            f"turns with {second:.3f} rad/s rms; expected {TURNS} at least"
+        )
     found, _ = Rotation.align_vectors(gyro_r, captured[used] - captured[used].mean(axis=0))
     return found
 
