@@ -97,6 +97,11 @@ PAGES = (
         ("python -m benchmarks.broad", "python -m benchmarks.ungated"),
     ),
     Page(
+        "identification",
+        "What fit finds in the flight of excite",
+        ("python -m benchmarks.identify 7000 24",),
+    ),
+    Page(
         "speed",
         "Processor time of the estimator",
         ("python -m benchmarks.ukf", "cargo bench --locked --quiet -p tilthex-core --bench ukf"),
@@ -122,7 +127,7 @@ PAGES = (
     Page(
         "campaign",
         "The fault campaign",
-        ("target/release/tilthex-rt campaign --number 3000 --seed 900001",),
+        ("target/release/tilthex-rt campaign --number 10000 --seed 970001",),
     ),
 )
 
