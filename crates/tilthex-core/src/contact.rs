@@ -7,7 +7,9 @@
 //! through the drag of the model, while nothing is touched. Beside it runs the logarithm of
 //! the odds of contact: that of the ratio of the likelihoods of the innovation
 //!
-//!     n = what_E - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
+//! ```text
+//! n = what_E - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
+//! ```
 //!
 //! where J is the derivative of the drag by W, P the covariance of W, R that of what the
 //! observer reports where nothing acts, and C that of touches. It is summed over independent
