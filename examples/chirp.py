@@ -20,11 +20,13 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
+from tilthex.compare import without_phase
 from tilthex.experiments import spec
-from tilthex.experiments.chirp import chirp_frequency, without_phase
+from tilthex.experiments.chirp import chirp_frequency
 from tilthex.experiments.flight import fly
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.report import text_table
+from tilthex.experiments.world import PERIOD
 
 
 def show(name: str) -> None:
@@ -42,7 +44,7 @@ experiment = spec.load("chirp", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]
@@ -51,7 +53,9 @@ print(text_table([check for run, record in flights for check in judged.checks(ru
 
 # %%
 run, record = flights[0]
-error = without_phase(record.wrench_tool) - without_phase(record.true_wrench)
+wrenches = (record.wrench_tool, record.true_wrench)
+observed, true = (without_phase(wrench, 1.0 / PERIOD) for wrench in wrenches)
+error = observed - true
 plt.plot(chirp_frequency(run, record.time), abs(error[:, [0, 2]]), lw=0.8)
 plt.xlabel("frequency (Hz)")
 plt.ylabel("force error along x and z (N)")

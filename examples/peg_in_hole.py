@@ -43,7 +43,7 @@ experiment = spec.load("peg-in-hole", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is asked.
+# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]
