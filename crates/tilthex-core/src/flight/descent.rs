@@ -21,9 +21,8 @@ const FOLLOWED: f64 = 0.15;
 const TOUCHES: (f64, f64) = (1.0, 0.05);
 /// How far, m.
 const RETREAT: f64 = 0.15;
-/// The ground is at the height of the take-off, within this, m. The estimate's deviation comes on top: motors may stop up
-/// to 0.1 m above the ground.
-const GROUND: f64 = 0.075;
+/// The ground is at the height of the take-off, within this, m.
+const GROUND: f64 = 0.1;
 /// An estimate that is this many times as fast as the largest speed is beyond hope if no pose supports it.
 const HOPELESS: f64 = 2.0;
 
