@@ -3,11 +3,11 @@
 //! Where the rotors can produce the wrench, they do: `u = A^-1 w`, or of all
 //! solutions the one nearest to the hover inputs. Where they cannot, the parts
 //! of the wrench are served in strict order of [`Priority`]: no part is worse
-//! by the least amount for the sake of one after it (see `hierarchy`). Forces are
-//! parted along the world's axes: what carries a vehicle keeps its rank however it is
-//! turned. A vehicle that moves sideways only by tilting has one force, which its
-//! attitude points: its forces are parted along its own axes. So are torques, since the
-//! axis about which rotors are weak is the vehicle's.
+//! by the least amount for the sake of one after it (see `hierarchy`). Torques are
+//! about robot axes, because the axis about which rotors are weak is the vehicle's.
+//! A vehicle that can hover in every attitude has vertical and lateral force along the
+//! world's axes: the force that carries it keeps its rank in every attitude. Other vehicles
+//! are never far from upright, and have them along robot axes.
 
 mod hierarchy;
 mod levels;
@@ -16,8 +16,8 @@ mod section;
 use crate::{
     Error, Vehicle,
     error::check_range,
-    types::{MAX_ROTORS, Matrix3, RotorVector, Vector6},
-    vehicle::{Actuation, Allocation as Matrix, AllocationInverse, inputs},
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector3, Vector6, Wrench},
+    vehicle::{Allocation as Matrix, AllocationInverse, inputs},
 };
 use hierarchy::{ROWS, Side};
 use levels::{Levels, turned};
@@ -28,8 +28,8 @@ pub use section::ForceSection;
 /// search that reached them would return its best inputs so far, in the limits.
 pub const MAX_ITERATIONS: u32 = hierarchy::MAX_ITERATIONS;
 
-/// A part of the wrench, met or given up as one: torques along robot axes, forces along the world's, or the robot's
-/// where it moves sideways only by tilting.
+/// A part of the wrench, met or given up as one: torques along robot axes, forces along the world's for a vehicle that can
+/// hover in every attitude, along the robot's otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Priority {
     /// Torque about x and y, N m: keeps the attitude.
@@ -123,7 +123,7 @@ pub struct Allocator {
     rotor_time_constant: f64,
     params: AllocatorParams,
     levels: Levels,
-    /// Whether forces are parted along the world's axes.
+    /// Whether the vehicle can hover in every attitude: then forces are parted along the world's axes.
     by_world: bool,
     /// Errors up to this, N or N m, are none.
     tolerance: f64,
@@ -224,7 +224,7 @@ impl Allocator {
             params,
             tolerance: SHORTFALL_TOLERANCE * vehicle.weight(),
             levels: Levels::by_priority(vehicle, &params.order),
-            by_world: vehicle.actuation() == Actuation::Pose,
+            by_world: false,
         };
         if vehicle.rank() < ROWS {
             allocator.inverse = allocator.ordered_inverse();
@@ -235,7 +235,19 @@ impl Allocator {
         if allocator.rotor_count > vehicle.rank() {
             allocator.offset = allocator.hover - allocator.inverse * (allocator.matrix * allocator.hover);
         }
+        allocator.by_world = allocator.carries_any_way_up(vehicle.weight());
         allocator
+    }
+
+    /// Whether the rotors carry a weight, N, along either direction of every robot axis.
+    fn carries_any_way_up(&self, weight: f64) -> bool {
+        let carries = |force_r: Vector3| {
+            let wrench = Wrench { force: force_r, torque: Vector3::zeros() };
+            self.allocate(&wrench.to_vector()).given_up.is_none()
+        };
+        [Vector3::x(), Vector3::y(), Vector3::z()]
+            .iter()
+            .all(|axis| carries(axis * weight) && carries(axis * -weight))
     }
 
     /// The parameters.

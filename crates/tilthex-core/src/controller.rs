@@ -81,10 +81,6 @@ pub struct Controller {
     allocator: Allocator,
 }
 
-/// Vertical and lateral force have their priorities about robot axes. About world axes, a rotor at half its speed tumbles the
-/// vehicle: 13 of 300 flights of the campaign's *rotor-slow*, and none about robot axes.
-const PRIORITY_AXES: Matrix3 = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-
 impl Controller {
     /// Combines the blocks for one vehicle.
     ///
@@ -281,7 +277,8 @@ impl Controller {
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &compensated) }.to_vector();
-        let allocation = self.allocator.step(&mut state.allocator, &wanted_wrench_r, &PRIORITY_AXES, &rotors);
+        let allocation =
+            self.allocator.step(&mut state.allocator, &wanted_wrench_r, &robot.rotation_wr, &rotors);
         ControllerOutput {
             rotor_speeds: speeds(&allocation.inputs),
             wrench_robot: observed,

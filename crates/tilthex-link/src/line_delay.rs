@@ -1,7 +1,8 @@
 //! The delay of a line that was fine before: numbered samples that all come later than they used to.
 
-/// If samples come later than before by this much, s, for this long, s, the line is late.
-const LATE: f64 = 0.009;
+use tilthex_core::supervisor::limits::LINE_LATE;
+
+/// A line that is later than usual by `LINE_LATE` for this long, s, is late.
 const LATE_FOR: f64 = 0.05;
 /// If the delay is within this of the usual one, s, for this long, s, the line is no longer late.
 const FINE: f64 = 0.006;
@@ -38,7 +39,8 @@ impl LineDelay {
             *self = Self { usual: Some((found, arrival)), ..Self::default() };
             return 0.0;
         }
-        let (differs, long) = if self.late { (excess < FINE, FINE_FOR) } else { (excess > LATE, LATE_FOR) };
+        let (differs, long) =
+            if self.late { (excess < FINE, FINE_FOR) } else { (excess > LINE_LATE, LATE_FOR) };
         self.since = if differs { self.since.or(Some(arrival)) } else { None };
         if self.since.is_some_and(|since| arrival - since > long) {
             (self.late, self.since) = (!self.late, None);

@@ -223,7 +223,7 @@ impl Allocator {
 
     /// The rotors' share of a body wrench, (6,), robot: force N, torque N m.
     /// rotor_speeds: measured, (n,), Hz, for a horizon; lost: rotors, from 0, that stand still; rotation: `R_WR`,
-    /// (3, 3), since forces are parted along the world's axes (level if it is not given).
+    /// (3, 3), which matters to a vehicle that can hover in every attitude (level if it is not given).
     #[pyo3(signature = (wrench, rotor_speeds=None, lost=None, rotation=None))]
     fn allocate(
         &self,

@@ -1,5 +1,5 @@
 use super::*;
-use crate::vehicle::{Actuation, Mounting, Rotor, tests::tilt_hex};
+use crate::vehicle::{Mounting, Rotor, tests::tilt_hex};
 use crate::{Matrix3, Vector3};
 use proptest::prelude::*;
 use std::vec::Vec;
@@ -68,16 +68,16 @@ impl Wanted {
     }
 }
 
-/// The errors of the parts: forces along the world's axes, for a vehicle that has one along each of its own.
+/// The errors of the parts.
 fn cost(
     vehicle: &Vehicle,
     r: &Matrix3,
+    by_world: bool,
     wanted: &Vector6,
     inputs: &RotorVector,
     order: &[Priority; 4],
 ) -> Vec<f64> {
     let error_r = wanted - vehicle.allocation() * inputs;
-    let by_world = vehicle.actuation() == Actuation::Pose;
     let error = if by_world { turned(r, &error_r) } else { error_r };
     order.iter().map(|p| p.rows().iter().map(|r| error[*r].powi(2)).sum::<f64>().sqrt()).collect()
 }
@@ -125,12 +125,12 @@ proptest! {
         let wanted = w.of(&v, &a).map(wanted_component);
         prop_assume!(wanted.amax() < 1e6);
         let out = a.step(&mut AllocatorState::default(), &wanted, &r, &RotorStatus::default());
-        let best = cost(&v, &r, &wanted, &out.inputs, &order);
+        let best = cost(&v, &r, a.by_world, &wanted, &out.inputs, &order);
         let clip = v.allocation_inverse() * wanted;
         let moved = out.inputs + RotorVector::from(turn) * a.upper.amax() * libm::pow(10.0, size);
         for other in [clip, moved, a.hover] {
             let other = other.sup(&a.lower).inf(&a.upper);
-            for (mine, theirs) in best.iter().zip(cost(&v, &r, &wanted, &other, &order)) {
+            for (mine, theirs) in best.iter().zip(cost(&v, &r, a.by_world, &wanted, &other, &order)) {
                 let tolerance = 1e-8 * (1.0 + wanted.amax());
                 prop_assert!(theirs > mine - tolerance, "{best:?} {theirs} {out:?}");
                 if theirs > *mine { break; }

@@ -4,7 +4,7 @@
 //! poses agree with each other, and an estimator that follows them sees no contradiction until it is fast. So the
 //! motion of the last second is reckoned by the IMU alone, with the biases that it had at rest.
 
-use super::gyro_doubt::GyroDoubt;
+use super::gyro_doubt::{BIAS, GyroDoubt};
 use crate::{
     Wrench,
     estimator::Estimator,
@@ -15,8 +15,6 @@ use crate::{
     vehicle::Vehicle,
 };
 
-/// If a gyro's bias differs from the one at rest by more than this, rad/s, the IMU is in doubt.
-const GYRO_LEFT: f64 = 0.03;
 /// An accelerometer that is wrong explains at least this part of a contradiction.
 const PART: f64 = 0.4;
 /// The force that it shows to the side is at most this part of the force along the contradiction.
@@ -24,7 +22,7 @@ const ACROSS: f64 = 0.6;
 
 /// The gyro explains at most this many contradictions in a row.
 const EXCUSED: u32 = 3;
-/// A contradiction is a mean over at least this time, s.
+/// The mean acceleration of a contradiction is taken over at least this time, s.
 const SHORTEST: f64 = 0.1;
 /// This much of the estimate's attitude the reckoned one takes over from one window to the next.
 const FOLLOWS: f64 = 0.05;
@@ -59,6 +57,18 @@ impl Window {
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
         let from_w = state.position_w;
         Self { reckoned, from_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
+    }
+
+    /// Whether the accelerometer explains a contradiction. The rotors are the third witness: an accelerometer that is
+    /// wrong shows a force that does not exist.
+    fn shows_a_force(&self, state: &Navigation, external_r: &Wrench, vehicle: &Vehicle) -> bool {
+        let off_velocity_w = state.velocity_w - self.reckoned.velocity_w;
+        let needed_w = -vehicle.mass() * off_velocity_w / self.time.max(SHORTEST);
+        let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
+        // A force that begins within the window is larger than its mean over the self.
+        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
+        let across = (force_w.norm_squared() - along * along).max(0.0);
+        along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
     }
 }
 
@@ -215,15 +225,13 @@ impl CaptureWatch {
             return None;
         }
         let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
-        let gyro_is_off = self.excused < EXCUSED && self.gyro_is_off(&state, &apart_i);
-        let imu_is_off = gyro_is_off || self.shows_a_force(&window, &state, external_r, vehicle);
         self.window = None;
-        if gyro_is_off {
+        if self.excused < EXCUSED && self.gyro_is_off(&state, &apart_i) {
             (self.stepped, self.settles) = (true, SETTLES);
             self.excused = self.excused.saturating_add(1);
             return Some(Verdict::GyroIsOff);
         }
-        if imu_is_off {
+        if window.shows_a_force(&state, external_r, vehicle) {
             return None;
         }
         self.lies = true;
@@ -237,25 +245,7 @@ impl CaptureWatch {
     /// Whether the gyro, and not the poses, explains that its attitude is `apart_i` rad, IMU axes, from that of the poses.
     fn gyro_is_off(&self, state: &Navigation, apart_i: &Vector3) -> bool {
         let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
-        learnt > GYRO_LEFT || self.doubt.explains(apart_i)
-    }
-
-    /// Whether the accelerometer explains a contradiction. The rotors are the third witness: an accelerometer that is
-    /// wrong shows a force that does not exist.
-    fn shows_a_force(
-        &self,
-        window: &Window,
-        state: &Navigation,
-        external_r: &Wrench,
-        vehicle: &Vehicle,
-    ) -> bool {
-        let off_velocity_w = state.velocity_w - window.reckoned.velocity_w;
-        let needed_w = -vehicle.mass() * off_velocity_w / window.time.max(SHORTEST);
-        let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
-        // A force that begins within the window is larger than its mean over the window.
-        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
-        let across = (force_w.norm_squared() - along * along).max(0.0);
-        along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
+        learnt > BIAS.0 || self.doubt.explains(apart_i)
     }
 
     /// The vehicle takes off from rest: its first motion is reckoned in one piece.

@@ -7,7 +7,7 @@ pub const IMU_SILENT: f64 = 0.05;
 /// This many inertial readings in a row that are equal to the bit are no measurement.
 pub const IMU_FROZEN: u32 = 25;
 /// A line whose samples come later than they used to by more than this is late, s.
-pub const LINE_LATE: f64 = 0.008;
+pub const LINE_LATE: f64 = 0.009;
 /// Streams that are silent for longer than this are requested again, s.
 pub const STREAM_SILENT: f64 = 0.5;
 /// A motor's measurement that is older than this is stale, s.
