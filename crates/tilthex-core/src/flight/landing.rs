@@ -17,8 +17,9 @@ const STILL: (f64, f64) = (0.3, 0.2);
 /// A force that is felt carries after this long, s, however the vehicle moves; one that has toppled, or comes down
 /// without a rotor, bounces about.
 const FELT: (f64, f64) = (0.5, 0.1);
-/// If pose and speed are known, a vehicle that has toppled must lie still for this long, s: a push can carry it as well.
-const LIES_STILL: f64 = 0.25;
+/// If pose and speed are known, a vehicle that has toppled must be no faster than this, m/s, for this long, s: a push can carry
+/// it as well, and then it moves.
+const LIES_STILL: (f64, f64) = (0.12, 0.25);
 
 /// Parts of the weight that the rotors carry at the begin and at the end of unloading.
 const LOADS: (f64, f64) = (0.7, 0.05);
@@ -194,16 +195,16 @@ impl Landing {
         if seen.above.is_some_and(|above| above > LIES) {
             return false;
         }
-        let slow = seen.velocity.abs() < STILL.0;
         // Without a pose, up is not known; with one, a force to the side is not the ground.
         let known = seen.toppled && seen.above.is_some();
+        let slow = seen.velocity.abs() < if known { LIES_STILL.0 } else { STILL.0 };
         let carried = |force: Vector3| if seen.toppled && !known { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight) && (!known || slow);
         let (felt, still) = &mut self.lying;
         *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
         let stands = seen.missing > SHARE * weight && slow;
         *still = if stands { *still + dt } else { 0.0 };
-        let (felt_for, still_for) = if known { (LIES_STILL, LIES_STILL) } else { (FELT.1, STILL.1) };
+        let (felt_for, still_for) = if known { (LIES_STILL.1, LIES_STILL.1) } else { (FELT.1, STILL.1) };
         *felt > felt_for || *still > still_for
     }
 
