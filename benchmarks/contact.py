@@ -11,12 +11,13 @@ it, what exceeds a likelihood. Then: how far the wind alone moves the tool, and 
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
+
+from benchmarks.drawn import drawn
 
 Array = NDArray[np.float64]
 DRAG: dict[str, object] = {"rotor_drag": 2.3e-4, "drag_area": [0.03, 0.03, 0.08]}
@@ -32,7 +33,7 @@ AIR: dict[str, object] = {
 TOUCHES, LASTS, GAP, FIRST = 6, 2.0, 4.0, 14.0
 DURATION = FIRST + TOUCHES * (LASTS + GAP)
 ONSET, AFTER = 0.2, 1.0
-"""So long after its begin a touch must be told, and after its end none, s."""
+"""Times without a label after the begin and after the end of a touch, s: the estimate needs time."""
 
 
 def touches(seed: int) -> list[dict[str, Any]]:
@@ -80,22 +81,13 @@ def rates(touching: Array, free: Array) -> tuple[float, float, float]:
 
 def main() -> None:
     """Prints the tables."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--vehicle", default="tilt-hex", help="a preset or a TOML file")
-    parser.add_argument("--truth", action="append", help="a level, any number of times")
-    parser.add_argument("--seeds", type=int, default=20)
-    parser.add_argument("--first", type=int, default=1, help="the first seed")
-    arguments = parser.parse_args()
-    vehicle = tilthex.Vehicle.named(arguments.vehicle)
-    seeds = range(arguments.first, arguments.first + arguments.seeds)
+    flown = drawn(__doc__)
     rows, moved = [], []
-    for level in arguments.truth or ["exact", "measured", "cad"]:
+    for level in flown.truths:
         for told in (False, True):
             touching, free, by_wind, by_touch = [], [], [], []
-            for seed in seeds:
-                run = fly(level, seed, told=told, touched=True, vehicle=vehicle)
+            for seed in flown.seeds:
+                run = fly(level, seed, told=told, touched=True, vehicle=flown.vehicle)
                 force = np.linalg.norm(run["wrench_tool"][:, :3], axis=1)
                 value = run["contact_likelihood"][:, 0] if told else force
                 touches_now, free_now = labels(run["time"][:, 0])
@@ -103,7 +95,7 @@ def main() -> None:
                 free.append(value[free_now])
                 away = np.linalg.norm(run["reference_position"] - run["setpoint_position"], axis=1)
                 by_touch.append(away[run["time"][:, 0] > FIRST].max())
-                run = fly(level, seed, told=told, touched=False, vehicle=vehicle)
+                run = fly(level, seed, told=told, touched=False, vehicle=flown.vehicle)
                 away = np.linalg.norm(run["reference_position"] - run["setpoint_position"], axis=1)
                 by_wind.append(away[run["time"][:, 0] > FIRST - GAP].max())
             name = f"{level} | {'likelihood' if told else 'force'}"

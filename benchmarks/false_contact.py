@@ -10,12 +10,12 @@ seconds of each hover: median, 90th percentile and largest of all.
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
 from tilthex import so3
+
+from benchmarks.drawn import drawn
 
 Array = NDArray[np.float64]
 HELD = 14.0
@@ -50,18 +50,10 @@ def false_contact(
 
 def main() -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--vehicle", default="tilt-hex", help="a preset or a TOML file")
-    parser.add_argument("--truth", action="append", help="a level, any number of times")
-    parser.add_argument("--seeds", type=int, default=40)
-    parser.add_argument("--first", type=int, default=1, help="the first seed")
-    arguments = parser.parse_args()
-    vehicle = tilthex.Vehicle.named(arguments.vehicle)
+    flown = drawn(__doc__)
     print("| truth | hover | force at the tool [N]: median, 90 %, largest | torque [N m]: likewise |")
     print("|---|---|---|---|")
-    for truth in arguments.truth or ["exact", "measured", "cad"]:
+    for truth in flown.truths:
         for name, degrees, calibration in (
             ("level", 0.0, "air"),
             ("15 deg", 15.0, "air"),
@@ -69,8 +61,9 @@ def main() -> None:
             ('15 deg after calibration = "hover"', 15.0, "hover"),
             ('15 deg after calibration = "tilts"', 15.0, "tilts"),
         ):
-            seeds = range(arguments.first, arguments.first + arguments.seeds)
-            found = np.array([false_contact(vehicle, truth, seed, degrees, calibration) for seed in seeds])
+            found = np.array(
+                [false_contact(flown.vehicle, truth, seed, degrees, calibration) for seed in flown.seeds]
+            )
             cells = [truth, name]
             for part in (found[:, :3], found[:, 3:]):
                 sizes = np.linalg.norm(part, axis=1)

@@ -20,13 +20,13 @@ import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
-from tilthex.compare import without_phase
 from tilthex.experiments import spec
 from tilthex.experiments.chirp import chirp_frequency
 from tilthex.experiments.flight import fly
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.report import text_table
 from tilthex.experiments.world import PERIOD
+from tilthex.wrenches import without_phase
 
 
 def show(name: str) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +13,10 @@ from numpy.typing import NDArray
 from tilthex import log, readers
 from tilthex._core import Config
 from tilthex.readers.columns import QUANTITIES, Stream
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from tilthex.wrenches import NAMES, components, norms, without_phase
 
 Array = NDArray[np.float64]
 
-LOW_PASS = 6.0
-"""Cut-off of the paper's low-pass without phase, Hz."""
 RATE = 100.0
 """Both signals are compared at this rate, Hz."""
 COMMON = 0.3
@@ -31,9 +27,6 @@ ALIKE = 0.5
 """Signals of a lower correlation are not of the same contact."""
 IN_NEWTON = np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])
 """A torque counts like the force that makes it at 0.25 m, where signals are correlated."""
-ALOFT = ("flying", "holding")
-"""Phases in which nothing but the tool touches anything."""
-NAMES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
 
 @dataclass(frozen=True)
@@ -89,14 +82,6 @@ class Mounting:
     reads_robot: bool = True
 
 
-def without_phase(values: Array, rate: float, cut_off: float = LOW_PASS) -> Array:
-    """A second-order Butterworth low-pass forwards and backwards, as in the paper; rates in Hz."""
-    from scipy.signal import butter, filtfilt
-
-    b, a = butter(2, cut_off, fs=rate)
-    return np.asarray(filtfilt(b, a, values, axis=0))
-
-
 @dataclass(frozen=True)
 class ToolPath:
     """The tool: `time` s (n,), `position` of its tip, m, world (n, 3), `rotation` to world (n, 3, 3)."""
@@ -119,7 +104,7 @@ def observed(path: str | Path) -> tuple[Wrenches, ToolPath]:
     rotation = Rotation.from_quat(state["orientation"])
     tool = rotation * Rotation.from_matrix(vehicle.tool_rotation)
     tip = state["position_w"] + rotation.apply(vehicle.tool_position)
-    aloft = np.isin(phases["phase"], ALOFT)
+    aloft = np.isin(phases["phase"], log.FREE_FLIGHT)
     count = min(len(tip), len(aloft), len(wrench["log_time"]))
     keep = np.flatnonzero(aloft[:count])
     if len(keep) < 2:
@@ -302,44 +287,6 @@ def _correlation(a: Array, b: Array) -> float:
     return float(np.sum(a * b) / np.sqrt(np.sum(a * a) * np.sum(b * b)))
 
 
-def norms(time: Array, estimate: Array, sensor: Array) -> Figure:
-    """The layout of the paper's figure 4: both wrenches, and the norms of their difference with a line."""
-    import matplotlib.pyplot as plt
-
-    figure, grid = plt.subplots(2, 2, figsize=(14, 8), sharex=True, layout="constrained")
-    for row, name, first in ((grid[0], "force (N)", 0), (grid[1], "torque (N m)", 3)):
-        ours, theirs = estimate[:, first : first + 3], sensor[:, first : first + 3]
-        for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
-            row[0].plot(time, theirs[:, k], "--", color=colour, lw=1.0)
-            row[0].plot(time, ours[:, k], color=colour, lw=0.8, label="xyz"[k])
-        norm = np.linalg.norm(ours - theirs, axis=1)
-        row[1].plot(time, norm, lw=0.8)
-        row[1].plot(time, np.polyval(np.polyfit(time, norm, 1), time), "r", lw=1.0)
-        row[0].set_title(f"{name}: estimated, sensor dashed", fontsize=10, loc="left")
-        row[1].set_title("norm of the difference, and a line through it", fontsize=10, loc="left")
-        row[0].legend()
-    for axes in grid[1]:
-        axes.set_xlabel("time (s)")
-    return figure
-
-
-def components(time: Array, estimate: Array, sensor: Array) -> Figure:
-    """One row a component: forces left, torques right, sensor dashed, and their difference below in grey."""
-    import matplotlib.pyplot as plt
-
-    figure, grid = plt.subplots(3, 2, figsize=(14, 9), sharex=True, layout="constrained")
-    for k, name in enumerate(NAMES):
-        axes = grid[k % 3, k // 3]
-        axes.plot(time, estimate[:, k] - sensor[:, k], color="0.7", lw=0.8, label="difference")
-        axes.plot(time, sensor[:, k], "k--", lw=1.0, label="sensor")
-        axes.plot(time, estimate[:, k], color="tab:blue", lw=1.0, label="estimated")
-        axes.set_title(f"{name}, tool axes ({'N' if k < 3 else 'N m'})", fontsize=10, loc="left")
-    grid[0, 0].legend(ncols=3)
-    for axes in grid[2]:
-        axes.set_xlabel("time (s)")
-    return figure
-
-
 def add_parser(commands: Any) -> None:
     """Adds the subcommand."""
     parser: argparse.ArgumentParser = commands.add_parser(
@@ -357,20 +304,6 @@ def add_parser(commands: Any) -> None:
         help="what the sensor is fixed to (default: world)",
     )
     parser.add_argument(
-        "--rotation-deg",
-        type=float,
-        nargs=3,
-        metavar=("R", "P", "Y"),
-        help="the sensor's axes in those of what it is fixed to",
-    )
-    parser.add_argument(
-        "--position",
-        type=float,
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        help="its origin there, m (default: the tool's tip)",
-    )
-    parser.add_argument(
         "--reads",
         choices=("robot", "environment"),
         default="robot",
@@ -379,13 +312,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--offset", type=float, metavar="S", help="add to the sensor's times; else found by correlation"
     )
-    parser.add_argument(
-        "--tare",
-        type=float,
-        nargs=2,
-        metavar=("BEGIN", "END"),
-        help="a time without contact, s since take-off",
-    )
+    for name, words, meaning in (
+        ("--rotation-deg", ("R", "P", "Y"), "the sensor's axes in those of what it is fixed to"),
+        ("--position", ("X", "Y", "Z"), "its origin there, m (default: the tool's tip)"),
+        ("--tare", ("BEGIN", "END"), "a time without contact, s since take-off"),
+    ):
+        parser.add_argument(name, type=float, nargs=len(words), metavar=words, help=meaning)
     parser.add_argument(
         "--out", type=Path, help="pictures to write: OUT-norms.png, OUT-components.png; LOG by default"
     )

@@ -15,8 +15,6 @@ from tilthex.identify import Flight, Identified, identify
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-AIRBORNE = ("flying", "holding")
-"""Phases of free flight: not the ground, nor landing."""
 AFTER = 0.5
 """Left out behind the begin of free flight, s: the estimator still learns."""
 CORRELATED = 0.95
@@ -36,7 +34,7 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
     count = min(len(topic["log_time"]) for topic in (state, rotors, phases))
     time = phases["time"][:count]
     since = time - time[0]
-    used = np.isin(phases["phase"][:count], AIRBORNE)
+    used = np.isin(phases["phase"][:count], log.FREE_FLIGHT)
     begins = time[1:][used[1:] & ~used[:-1]]
     for start in begins:
         used &= ~((time >= start) & (time < start + AFTER))

@@ -193,7 +193,7 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     covariance = _covariance(left, slope, used, blocks, noise)
     period = [float(np.median(np.diff(c.time))) for c in cells]
     seconds = sum(p * int(u.sum()) for p, u in zip(period, used, strict=True))
-    asked = sum(p * int(w.sum()) for p, w in zip(period, whole, strict=True))
+    flown = sum(p * int(w.sum()) for p, w in zip(period, whole, strict=True))
     figures, correlation = _figures(model, x, covariance, prior, mean)
     found = model.at(x)
     return Identified(
@@ -201,7 +201,7 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
         correlation,
         _vehicle(vehicle, found, lag),
         seconds,
-        asked - seconds,
+        flown - seconds,
         noise,
         [found.predict(flight, k) for k, flight in enumerate(fine)],
     )

@@ -28,6 +28,8 @@ Columns = dict[str, NDArray[Any]]
 
 GROUNDED = ("disarmed", "starting", "grounded")
 """Phases with the vehicle on the ground. The others: flying, holding, landing, emergency."""
+FREE_FLIGHT = ("flying", "holding")
+"""Phases in which nothing but the tool touches anything: not the ground, and not in a landing."""
 
 
 class NotALog(ValueError):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tilthex.compare import norms, without_phase
 from tilthex.experiments.judge import Figures, Flights, Judge, Vector
 from tilthex.experiments.record import Check, Record, below, rms
 from tilthex.experiments.spec import Run
 from tilthex.experiments.world import PERIOD
+from tilthex.wrenches import norms, without_phase
 
 
 def chirp_frequency(run: Run, time: Vector) -> Vector:
