@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             chosen.run(chosen)
     except ModuleNotFoundError as error:
         needed = f"this command needs {error.name}, which is not installed"
-        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments]'", file=sys.stderr)
+        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments,logs]'", file=sys.stderr)
         return USAGE
     except (ValueError, OSError, ImportError) as error:
         print(f"tilthex: {error}", file=sys.stderr)

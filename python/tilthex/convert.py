@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tilthex._logged import TOPICS
 from tilthex.log import Columns, Log
+from tilthex.readers.messages import ros_types
 from tilthex.recording import rotations_from_quaternions
 
 Array = NDArray[Any]
@@ -101,10 +102,9 @@ def _parquet(log: Log, out: Path) -> None:
 
 
 def _rosbag2(log: Log, out: Path) -> None:
+    store = ros_types()
     from rosbags.rosbag2 import Writer
-    from rosbags.typesys import Stores, get_typestore
 
-    store = get_typestore(Stores.ROS2_JAZZY)
     out.parent.mkdir(parents=True, exist_ok=True)
     with Writer(out, version=9) as bag:
         messages = RosMessages(store.types)

@@ -14,6 +14,8 @@ from tilthex.readers.columns import Stream
 
 LARGEST_ARRAY = 64
 """Longer lists in a message are no measurements of one moment."""
+STAMPS = ("header.stamp", "timestamp", "stamp")
+"""Names of a message's own time."""
 
 
 def read_mcap(path: Path) -> list[Stream]:
@@ -51,7 +53,7 @@ def read_bag(path: Path) -> list[Stream]:
     if not (path / "metadata.yaml").exists():
         raise ValueError(f"{path} is no ROS 2 bag: it holds no metadata.yaml")
     rosbags = _rosbags()
-    with _said(path), rosbags.AnyReader([path], default_typestore=_typestore()) as reader:
+    with _said(path), rosbags.AnyReader([path], default_typestore=ros_types()) as reader:
         streams = []
         for connection in reader.connections:
             messages = (
@@ -66,11 +68,16 @@ def _rosbags() -> Any:
     try:
         from rosbags import highlevel
     except ImportError as error:
-        raise ImportError("reading messages of ROS 2 needs rosbags: pip install 'tilthex[logs]'") from error
+        raise ImportError("messages of ROS 2 need rosbags: pip install 'tilthex[logs]'") from error
     return highlevel
 
 
-def _typestore() -> Any:
+def ros_types() -> Any:
+    """The messages of ROS 2.
+
+    Raises:
+        ImportError: rosbags is not installed.
+    """
     _rosbags()
     from rosbags.typesys import Stores, get_typestore
 
@@ -105,7 +112,7 @@ def _decoder(path: Path, channel: _mcap.Channel) -> Callable[[bytes], Any] | Non
         )
         return found and (lambda message: _fields(found(message)))
     if channel.encoding == "cdr":
-        store = _typestore()
+        store = ros_types()
         if name in store.types:
             return lambda message: _fields(store.deserialize_cdr(message, name))
     return None
@@ -150,9 +157,6 @@ def _stream(place: str, messages: Iterable[tuple[int, Any]]) -> Stream:
     elif "time" not in columns and "t" not in columns:
         columns["time"] = arrival
     return Stream(place, columns, ("message", 1))
-
-
-STAMPS = ("header.stamp", "timestamp", "stamp")
 
 
 def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:

@@ -11,7 +11,7 @@ use super::{
     schema::{DESCRIPTORS, full_name},
     values::{COMMAND, Order, REPLAYED, TIMED, TRUTH},
     viewers,
-    writer::{Index, LogWriter, Stamp, Topic},
+    writer::{Index, LogWriter, Topic},
 };
 use tilthex_sim::{Truth, feed::Tick};
 
@@ -136,40 +136,39 @@ impl<W: Write> FlightLog<W> {
     /// What the file says.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
         let (t, record) = (self.topics, &tick.record);
-        let publish = self.epoch.unix_ns(record.input.time);
-        let stamp = Stamp { publish, log: publish + tick.timing.compute };
+        let time = self.epoch.unix_ns(record.input.time);
         let (log, rotor_count) = (&mut self.log, self.rotor_count);
         for (topic, channel) in t.of_a_tick.iter().zip(&REPLAYED) {
-            log.put(*topic, stamp, |out| channel.encode(tick, rotor_count, out))?;
+            log.put(*topic, time, |out| channel.encode(tick, rotor_count, out))?;
         }
-        log.put(t.timing, stamp, |out| TIMED.encode(tick, rotor_count, out))?;
+        log.put(t.timing, time, |out| TIMED.encode(tick, rotor_count, out))?;
         if record.tick.is_multiple_of(TRANSFORM_EVERY) {
             let reference = &record.reference;
-            let robot = viewers::robot_transform(publish, &record.state);
-            log.put(t.transforms, stamp, |out| robot.encode_raw(out))?;
+            let robot = viewers::robot_transform(time, &record.state);
+            log.put(t.transforms, time, |out| robot.encode_raw(out))?;
             let reference =
-                viewers::transform(publish, "tool_reference", &reference.position_w, &reference.rotation_we);
-            log.put(t.transforms, stamp, |out| reference.encode_raw(out))?;
+                viewers::transform(time, "tool_reference", &reference.position_w, &reference.rotation_we);
+            log.put(t.transforms, time, |out| reference.encode_raw(out))?;
         }
-        self.changes(tick, stamp)
+        self.changes(tick, time)
     }
 
     /// A line for each text from the vehicle, new phase and new fault.
-    fn changes(&mut self, tick: &Tick, stamp: Stamp) -> Result<(), McapError> {
+    fn changes(&mut self, tick: &Tick, time: u64) -> Result<(), McapError> {
         let record = &tick.record;
         if let Some((severity, text)) = tick.wire.text {
-            self.line_at(stamp, viewers::level(severity), "vehicle", text.to_string())?;
+            self.line_at(time, viewers::level(severity), "vehicle", text.to_string())?;
         }
         let level = foxglove::log::Level::Warning;
         for row in FaultSet(record.faults.0 & !self.last_faults.0).rows() {
-            self.line_at(stamp, level, "fault", format!("{}: {}", row.name, row.detection))?;
+            self.line_at(time, level, "fault", format!("{}: {}", row.name, row.detection))?;
         }
         for row in FaultSet(self.last_faults.0 & !record.faults.0).rows() {
-            self.line_at(stamp, level, "fault", format!("{} is over", row.name))?;
+            self.line_at(time, level, "fault", format!("{} is over", row.name))?;
         }
         if record.phase != self.last_phase {
             let text = format!("{} -> {}", self.last_phase.name(), record.phase.name());
-            self.line_at(stamp, foxglove::log::Level::Info, "phase", text)?;
+            self.line_at(time, foxglove::log::Level::Info, "phase", text)?;
         }
         (self.last_phase, self.last_faults) = (record.phase, record.faults);
         Ok(())
@@ -177,13 +176,13 @@ impl<W: Write> FlightLog<W> {
 
     fn line_at(
         &mut self,
-        stamp: Stamp,
+        time: u64,
         level: foxglove::log::Level,
         name: &str,
         text: String,
     ) -> Result<(), McapError> {
-        let line = viewers::line(stamp.publish, level, name, text);
-        self.log.put(self.topics.lines, stamp, |out| line.encode_raw(out))
+        let line = viewers::line(time, level, name, text);
+        self.log.put(self.topics.lines, time, |out| line.encode_raw(out))
     }
 
     /// Logs an order, as it was given at a monotonic time in seconds; an urgent one is a flag of the next input.
@@ -193,8 +192,7 @@ impl<W: Write> FlightLog<W> {
     pub fn command(&mut self, time: f64, json: &str, urgent: bool) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
         let order = Order { json: json.into(), urgent };
-        let stamp = Stamp { publish: at, log: at };
-        self.log.put(self.topics.command, stamp, |out| COMMAND.encode(&order, 0, out))
+        self.log.put(self.topics.command, at, |out| COMMAND.encode(&order, 0, out))
     }
 
     /// Logs what is true of the simulated vehicle at a monotonic time in seconds.
@@ -204,8 +202,7 @@ impl<W: Write> FlightLog<W> {
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
         let (timed, rotor_count) = ((time, *truth), self.rotor_count);
-        let stamp = Stamp { publish: at, log: at };
-        self.log.put(self.topics.truth, stamp, |out| TRUTH.encode(&timed, rotor_count, out))
+        self.log.put(self.topics.truth, at, |out| TRUTH.encode(&timed, rotor_count, out))
     }
 
     /// Writes what is held back.

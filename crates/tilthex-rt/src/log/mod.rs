@@ -21,4 +21,4 @@ pub use flight_log::{Attachments, Epoch, FlightLog, TickMessage, fault_names, ti
 pub use reader::LogReader;
 pub use scan::{Channel, Cut};
 pub use schema::{DescribedChannel, DescribedField, described};
-pub use writer::{Index, LogWriter, Stamp, Topic};
+pub use writer::{Index, LogWriter, Topic};

@@ -9,15 +9,6 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, records::MessageHea
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Topic(u16);
 
-/// When a message was made and logged, ns since 1970.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Stamp {
-    /// When its content holds.
-    pub publish: u64,
-    /// When it was logged.
-    pub log: u64,
-}
-
 /// Whether a log says where in it things are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Index {
@@ -77,25 +68,21 @@ impl<W: Write> LogWriter<W> {
         Ok(Topic(id))
     }
 
-    /// Appends a message, which `encode` puts into the buffer.
+    /// Appends a message whose content holds at `time`, ns since 1970, and which `encode` puts into the buffer.
     ///
     /// # Errors
     /// What the file says.
     pub fn put(
         &mut self,
         topic: Topic,
-        stamp: Stamp,
+        time: u64,
         encode: impl FnOnce(&mut Vec<u8>),
     ) -> Result<(), McapError> {
         self.buffer.clear();
         encode(&mut self.buffer);
         let sequence = self.sequences.entry(topic.0).or_default();
-        let header = MessageHeader {
-            channel_id: topic.0,
-            sequence: *sequence,
-            log_time: stamp.log,
-            publish_time: stamp.publish,
-        };
+        let header =
+            MessageHeader { channel_id: topic.0, sequence: *sequence, log_time: time, publish_time: time };
         *sequence = sequence.wrapping_add(1);
         self.writer.write_to_known_channel(&header, &self.buffer)
     }
@@ -160,10 +147,6 @@ mod tests {
         }
     }
 
-    fn stamp(time: u64) -> Stamp {
-        Stamp { publish: time, log: time + 7 }
-    }
-
     #[test]
     fn what_is_written_is_read_back_with_schema_and_times() {
         let mut log = LogWriter::new(Vec::new(), Index::Written).expect("begins");
@@ -171,13 +154,13 @@ mod tests {
         log.attach("config.toml", "application/toml", b"[vehicle]\n", 1).expect("attached");
         let sent = b"any bytes".to_vec();
         for i in 0..3 {
-            log.put(topic, stamp(100 + i), |out| out.extend(&sent)).expect("written");
+            log.put(topic, 100 + i, |out| out.extend(&sent)).expect("written");
         }
         let bytes = log.finish().expect("ends");
         let read: Vec<_> = MessageStream::new(&bytes).expect("a log").map(|m| m.expect("whole")).collect();
         assert_eq!(read.len(), 3);
         for (i, message) in (0..).zip(&read) {
-            assert_eq!((message.publish_time, message.log_time), (100 + i, 107 + i));
+            assert_eq!((message.publish_time, message.log_time), (100 + i, 100 + i));
             assert_eq!(message.sequence, i as u32);
             let schema = message.channel.schema.as_ref().expect("a schema");
             assert_eq!((&*schema.name, &*schema.encoding), ("tilthex.Vector3", "protobuf"));
@@ -201,14 +184,14 @@ mod tests {
             let mut flushed = vec![];
             for count in groups {
                 for _ in 0..count {
-                    log.put(topic, stamp(tick), |out| out.extend(tick.to_le_bytes())).expect("written");
+                    log.put(topic, tick, |out| out.extend(tick.to_le_bytes())).expect("written");
                     tick += 1;
                 }
                 log.flush().expect("flushed");
                 flushed.push((file.0.borrow().len(), tick));
             }
             for _ in 0..rest {
-                log.put(topic, stamp(tick), |out| out.extend(tick.to_le_bytes())).expect("written");
+                log.put(topic, tick, |out| out.extend(tick.to_le_bytes())).expect("written");
                 tick += 1;
             }
             log.finish().expect("ends");
