@@ -44,8 +44,8 @@ def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
     """The messages of some topics as columns.
 
     Each topic's columns are named by the path of the field in the message, with a point between names:
-    `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is when the message was
-    logged, s since 1970. Quaternions are (x, y, z, w). `phase` and `given_up` are names. docs/log.md has all
+    `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is the time of the
+    tick, s since 1970. Quaternions are (x, y, z, w). `phase` and `given_up` are names. docs/log.md has all
     topics and fields.
 
     Raises:
