@@ -1,16 +1,18 @@
 //! From a wanted body wrench to rotor inputs within their limits; (12), (26).
 //!
-//! Where the rotors can produce the wrench, they do: `u = A^-1 w`, or of all
-//! solutions the one nearest to the hover inputs. Where they cannot, the parts
-//! of the wrench are served in strict order of [`Priority`]: no part is worse
-//! by the least amount for the sake of one after it (see `hierarchy`). Torques are
-//! about robot axes, because the axis about which rotors are weak is the vehicle's.
-//! A vehicle that can hover in every attitude has vertical and lateral force along the
-//! world's axes: the force that carries it keeps its rank in every attitude. Other vehicles
-//! are never far from upright, and have them along robot axes.
+//! If the rotors can produce the wrench, they produce it: `u = A^-1 w`. If several inputs
+//! produce it, the allocator takes the inputs that are nearest to the hover inputs. If the
+//! rotors cannot produce the wrench, the allocator serves its parts in the strict order of
+//! [`Priority`]: it never makes the error of a part larger to improve a part that comes later
+//! (see `hierarchy`). Torques are about robot axes, because the axis about which the rotors
+//! are weak is fixed in the vehicle. A vehicle that can hover in every attitude has its
+//! vertical and lateral forces along world axes, so that the force that carries the weight
+//! has the same priority in every attitude. All other vehicles stay near upright, and their
+//! forces are along robot axes.
 
 mod hierarchy;
 mod levels;
+mod priority;
 mod section;
 
 use crate::{
@@ -22,61 +24,14 @@ use crate::{
 use hierarchy::{ROWS, Side};
 use levels::{Levels, turned};
 use libm::{exp, sqrt};
+pub use priority::Priority;
 pub use section::ForceSection;
 
-/// Most steps of one search. No input is known that needs half of them; a
-/// search that reached them would return its best inputs so far, in the limits.
+/// Largest number of steps of one search. No known input needs half of them. A
+/// search that reaches this number returns its best inputs so far, within the limits.
 pub const MAX_ITERATIONS: u32 = hierarchy::MAX_ITERATIONS;
 
-/// A part of the wrench, met or given up as one: torques along robot axes, forces along the world's for a vehicle that can
-/// hover in every attitude, along the robot's otherwise.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Priority {
-    /// Torque about x and y, N m: keeps the attitude.
-    RollPitchTorque,
-    /// Force along z, N: keeps the height.
-    VerticalForce,
-    /// Torque about z, N m.
-    YawTorque,
-    /// Force along x and y, N: keeps the place.
-    LateralForce,
-}
-
-impl Priority {
-    /// Attitude before height before heading before place.
-    pub const ORDER: [Self; 4] =
-        [Self::RollPitchTorque, Self::VerticalForce, Self::YawTorque, Self::LateralForce];
-
-    /// Its name in a configuration.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::RollPitchTorque => "roll-pitch-torque",
-            Self::VerticalForce => "vertical-force",
-            Self::YawTorque => "yaw-torque",
-            Self::LateralForce => "lateral-force",
-        }
-    }
-
-    /// The priority of a [`Self::name`].
-    #[must_use]
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ORDER.into_iter().find(|p| p.name() == name)
-    }
-
-    /// Its rows in a wrench `[force; torque]`.
-    #[must_use]
-    pub fn rows(self) -> &'static [usize] {
-        match self {
-            Self::RollPitchTorque => &[3, 4],
-            Self::VerticalForce => &[2],
-            Self::YawTorque => &[5],
-            Self::LateralForce => &[0, 1],
-        }
-    }
-}
-
-/// How limits are dealt with.
+/// How the allocator treats the limits of the rotors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AllocatorParams {
     /// The parts of the wrench, most important first; each once.
@@ -123,13 +78,13 @@ pub struct Allocator {
     rotor_time_constant: f64,
     params: AllocatorParams,
     levels: Levels,
-    /// Whether the vehicle can hover in every attitude: then forces are parted along the world's axes.
+    /// Whether the vehicle can hover in every attitude: then the forces of [`Priority`] are along world axes.
     by_world: bool,
-    /// Errors up to this, N or N m, are none.
+    /// An error up to this value, N or N m, counts as no error.
     tolerance: f64,
 }
 
-/// Where the last search ended: where the next one starts.
+/// The result of the last search, from which the next search starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AllocatorState {
     inputs: RotorVector,
@@ -137,7 +92,7 @@ pub struct AllocatorState {
     searched: bool,
 }
 
-/// What else is known when a wrench is allocated.
+/// The state of the rotors when a wrench is allocated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RotorStatus {
     /// Measured speeds, Hz; used with [`AllocatorParams::horizon`].
@@ -146,7 +101,7 @@ pub struct RotorStatus {
     pub lost: u16,
 }
 
-/// What the rotors are asked for, and what they give up.
+/// The rotor inputs for a wrench, and the parts of the wrench that they do not produce.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Allocation {
     /// Rotor inputs, Hz^2.
@@ -163,23 +118,23 @@ pub struct Allocation {
     pub at_lower: u16,
     /// Bit `i` is set where rotor `i` is at its upper limit.
     pub at_upper: u16,
-    /// Steps of the search; 0 where none was needed.
+    /// Steps of the search; 0 if no search was needed.
     pub iterations: u32,
 }
 
-/// Errors below this part of the vehicle's weight (or of its weight times a metre) are none.
+/// An error counts as no error below this fraction of the vehicle's weight, N (for torques: of the weight times 1 m).
 const SHORTFALL_TOLERANCE: f64 = 1e-7;
-/// Wanted components are cut here, so that their squares are finite numbers.
+/// The magnitude of a wanted component is limited to this value, so that its square is finite.
 const LARGEST_WANTED: f64 = 1e60;
 
 impl Allocator {
-    /// For one vehicle, with its rotors' own limits and the usual order.
+    /// The allocator of a vehicle, with the limits of its rotors and [`Priority::ORDER`].
     #[must_use]
     pub fn new(vehicle: &Vehicle) -> Self {
         Self::build(vehicle, AllocatorParams::default())
     }
 
-    /// For one vehicle.
+    /// The allocator of a vehicle, with parameters.
     ///
     /// # Errors
     /// An order that does not hold each part once, or a horizon out of range.
@@ -197,7 +152,7 @@ impl Allocator {
         Ok(Self::build(vehicle, params))
     }
 
-    /// The same for a vehicle whose model has been corrected.
+    /// An allocator with the same parameters for a vehicle whose model has been corrected.
     #[must_use]
     pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
         Self::build(vehicle, self.params)
@@ -231,7 +186,7 @@ impl Allocator {
         }
         let weight = Vector6::new(0.0, 0.0, vehicle.weight(), 0.0, 0.0, 0.0);
         allocator.hover = allocator.allocate(&weight).inputs;
-        // Where rotors are redundant, stay near hover in the directions that do nothing.
+        // With redundant rotors, stay near hover in the directions that produce no wrench.
         if allocator.rotor_count > vehicle.rank() {
             allocator.offset = allocator.hover - allocator.inverse * (allocator.matrix * allocator.hover);
         }
@@ -256,13 +211,13 @@ impl Allocator {
         &self.params
     }
 
-    /// The inputs, Hz^2, that the search stays near to: those of a level hover.
+    /// The inputs of a level hover, Hz^2. Where several inputs produce a wrench, the search takes the nearest to these.
     #[must_use]
     pub fn hover_inputs(&self) -> &RotorVector {
         &self.hover
     }
 
-    /// Lowest and highest inputs, Hz^2, of the rotors as they are.
+    /// Lowest and highest inputs, Hz^2, that the rotors can reach from their present state.
     #[must_use]
     pub fn limits(&self, status: &RotorStatus) -> (RotorVector, RotorVector) {
         let (mut lower, mut upper) = (self.lower, self.upper);
@@ -283,9 +238,9 @@ impl Allocator {
         (lower, upper)
     }
 
-    /// Rotor inputs for a body wrench `[force_r; torque_r]` of a level vehicle, all rotors sound and no horizon.
+    /// Rotor inputs for a body wrench `[force_r; torque_r]` of a level vehicle that has lost no rotor, without horizon.
     ///
-    /// Never fails: what is not a number counts as zero.
+    /// Never fails: a component that is NaN counts as zero.
     #[must_use]
     pub fn allocate(&self, wrench: &Vector6) -> Allocation {
         let wrench = wrench.map(wanted_component);
@@ -296,7 +251,8 @@ impl Allocator {
         self.search(&mut AllocatorState::default(), &wrench, None, (&self.lower, &self.upper))
     }
 
-    /// The same in any attitude, with the rotors' status, started where the last search ended.
+    /// Rotor inputs for a body wrench in any attitude, within the limits of the rotors' status. The search starts from the
+    /// result of the last search.
     #[must_use]
     pub fn step(
         &self,
@@ -315,7 +271,7 @@ impl Allocator {
         self.search(state, &wrench, Some(rotation_wr).filter(|_| self.by_world), (&lower, &upper))
     }
 
-    /// What to stay near to; without redundant rotors no two inputs produce the same wrench.
+    /// The inputs to stay near. `None` without redundant rotors: then no two inputs produce the same wrench.
     fn preferred(&self) -> Option<&RotorVector> {
         (self.rotor_count > self.rank).then_some(&self.hover)
     }
@@ -344,7 +300,7 @@ impl Allocator {
         limits: (&RotorVector, &RotorVector),
     ) -> Allocation {
         if !state.searched {
-            // From inside the limits the search finds the active ones in fewest steps.
+            // A search that starts inside the limits finds the active ones in the fewest steps.
             state.inputs = self.hover;
             state.side = [Side::Free; MAX_ROTORS];
         }
@@ -359,7 +315,7 @@ impl Allocator {
         self.report(wrench, state.inputs, rotation_wr, Some(limits), iterations)
     }
 
-    /// The linear map from wrenches to inputs that a search without limits is.
+    /// The linear map from wrenches to inputs: the result of a search without limits.
     fn ordered_inverse(&self) -> AllocationInverse {
         let mut inverse = AllocationInverse::zeros();
         let (mut lower, mut upper) = (RotorVector::zeros(), RotorVector::zeros());
@@ -401,7 +357,7 @@ impl Allocator {
     }
 }
 
-/// A number of a size whose square is one too; zero for what is none.
+/// The component limited to [`LARGEST_WANTED`]; zero if it is NaN.
 fn wanted_component(x: f64) -> f64 {
     if x.is_nan() { 0.0 } else { x.clamp(-LARGEST_WANTED, LARGEST_WANTED) }
 }

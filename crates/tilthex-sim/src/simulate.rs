@@ -1,7 +1,10 @@
 //! A flight in memory: the vehicle's body, noisy sensors, and the [`Flight`] that flies the real one.
 //! No clock and no link: as fast as the machine, and the same for the same seed.
 
+mod record;
+
 use crate::{Body, Nanos, Own, Pushes, STEP, body::Cycle};
+pub use record::{Column, Record};
 use std::collections::VecDeque;
 use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
@@ -58,58 +61,6 @@ pub struct Scenario<'a> {
     pub pose_delay: f64,
 }
 
-/// One recorded quantity, `width` numbers a control period.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Column {
-    /// Its name.
-    pub name: &'static str,
-    /// Numbers a row.
-    pub width: usize,
-    /// Row after row.
-    pub values: Vec<f64>,
-}
-
-/// Everything that was recorded.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Record {
-    columns: Vec<Column>,
-    rows: usize,
-    next: usize,
-}
-
-impl Record {
-    /// The columns, all of equal length.
-    #[must_use]
-    pub fn columns(&self) -> &[Column] {
-        &self.columns
-    }
-
-    /// The column of that name.
-    #[must_use]
-    pub fn get(&self, name: &str) -> Option<&Column> {
-        self.columns.iter().find(|c| c.name == name)
-    }
-
-    /// Adds to the next column; every row adds to the same ones in the same order.
-    fn put(&mut self, name: &'static str, row: &[f64]) {
-        if self.next == self.columns.len() {
-            let values = Vec::with_capacity(self.rows * row.len());
-            self.columns.push(Column { name, width: row.len(), values });
-        }
-        self.columns[self.next].values.extend_from_slice(row);
-        self.next += 1;
-    }
-
-    /// Likewise a matrix, row by row.
-    fn put_matrix(&mut self, name: &'static str, m: &Matrix3) {
-        self.put(name, m.transpose().as_slice());
-    }
-
-    fn end_row(&mut self) {
-        self.next = 0;
-    }
-}
-
 /// Simulates.
 ///
 /// # Errors
@@ -117,7 +68,7 @@ impl Record {
 pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
     let mut world = World::new(scenario)?;
     let rows = (scenario.duration / PERIOD).round() as usize;
-    let mut record = Record { rows, ..Record::default() };
+    let mut record = Record::with_rows(rows);
     for row in 0..rows {
         world.tick(row as f64 * PERIOD, row % POSE_EVERY == 0);
         world.keep(&mut record);

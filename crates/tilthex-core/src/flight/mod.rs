@@ -19,6 +19,7 @@ mod late;
 mod lift_off;
 mod model;
 mod motor_check;
+mod orders;
 mod record;
 mod room;
 mod rotors;
@@ -264,39 +265,6 @@ impl Flight {
         out.motors = self.motor_command();
         self.record(input, period, &rotor_speeds, &mut out.record);
         self.tick += 1;
-    }
-
-    fn obey(&mut self, command: Option<&Command>) {
-        self.setpoint_refused = false;
-        match command {
-            None => {}
-            Some(Command::TakeOff) => {
-                self.take_off = true;
-                if self.motor_check.fault().is_some() {
-                    self.motor_check = MotorCheck::default();
-                }
-            }
-            Some(Command::ZeroBias) => self.zero_bias(),
-            Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
-            Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
-            Some(Command::SetAdmittance(filter)) => {
-                self.controller.set_admittance(*filter);
-                self.slow_controller.set_admittance(*filter);
-            }
-            Some(Command::Play(route)) => {
-                // Held as well: a hold for want of streamed set-points ends with the route.
-                if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
-                {
-                    self.setpoint_refused = !(self.keeps(route) && self.guidance.play(route));
-                } else {
-                    self.route = Some(*route);
-                }
-            }
-            Some(Command::Follow(setpoint)) => {
-                let kept = self.guidance.ready() && self.keeps_setpoint(setpoint);
-                self.setpoint_refused = !(kept && self.guidance.follow(setpoint));
-            }
-        }
     }
 
     fn supervise(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
