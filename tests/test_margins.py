@@ -66,8 +66,8 @@ def test_the_margins_of_drawn_vehicles_are_around_the_models():
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({"along": [1, 0, 0], "about": [1, 0, 0]}, "expected one of along and about"),
-        ({}, "expected one of along and about"),
+        ({"along": [1, 0, 0], "about": [1, 0, 0]}, "along and about .* expected exactly one"),
+        ({}, "along and about .* expected exactly one"),
         ({"along": [0, 0, 0]}, "along is zero; expected a direction"),
         ({"along": [1, 0, 0], "damping_time": -1.0}, "damping_time is -1; expected a number from 0 to 10"),
     ],

@@ -168,7 +168,7 @@ def test_a_bad_waypoint_is_named(waypoints, sentence):
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        ({}, "expected one of setpoint and trajectory"),
+        ({}, "setpoint and trajectory are both given or both missing; expected exactly one of them"),
         ({"setpoint": HOME, "pushes": [{"at": 1}]}, "pushes[0]: missing field `duration`"),
         (
             {"setpoint": HOME, "pushes": [{"at": 1, "duration": 1, "fource": ZERO}]},

@@ -1,19 +1,19 @@
-//! Whether a tick should wait a moment for an inertial sample.
+//! Whether a tick should wait for an inertial sample.
 
-/// After this many ticks without a sample the stream counts as off.
+/// After this many ticks without a sample the stream counts as switched off.
 const PATIENCE: u32 = 10;
 
-/// The inertial sample of a tick, by a look at its bytes.
+/// Whether this tick expects an inertial sample, and whether it is among its bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct InertialDue {
-    /// The stream runs, so that each tick should have a sample.
+    /// Whether the stream runs, so that each tick should have a sample.
     pub expected: bool,
-    /// A sample is among the bytes of this tick.
+    /// Whether a sample is among the bytes of this tick.
     pub arrived: bool,
 }
 
 impl InertialDue {
-    /// Whether a sample is due that has not arrived.
+    /// Whether a sample is expected that has not arrived.
     #[must_use]
     pub fn is_awaited(&self) -> bool {
         self.expected && !self.arrived
@@ -28,12 +28,12 @@ pub struct Awaited {
 }
 
 impl Awaited {
-    /// A whole sample has arrived.
+    /// Reports that a complete sample has arrived.
     pub fn arrive(&mut self) {
         self.due.arrived = true;
     }
 
-    /// What is due in this tick.
+    /// Whether a sample is expected in this tick, and whether it has arrived.
     #[must_use]
     pub fn due(&self) -> InertialDue {
         self.due

@@ -1,5 +1,5 @@
-//! The check between a decoded sample and the estimator. A protocol without a
-//! checksum needs it: a flipped bit gives a well-formed sample.
+//! The check between a decoded sample and the estimator. A protocol without a checksum needs it, because a flipped
+//! bit leaves a sample well-formed.
 
 use crate::bump;
 use tilthex_core::error::{Error, check_range};
@@ -15,8 +15,8 @@ pub struct GateParams<const N: usize> {
     pub jump: [f64; N],
     /// A jump is accepted once this many samples in a row agree with it.
     pub patience: u8,
-    /// At most this many samples in a row, without a gap, are refused for their jumps: in an impact,
-    /// samples agree with nothing, but they still count.
+    /// At most this many samples in a row, without a lost sample between them, are refused for their jumps. In an
+    /// impact no sample agrees with the one before, but the samples are right.
     pub longest: u8,
 }
 
@@ -58,7 +58,7 @@ pub struct GateCounters {
 pub struct Gate<const N: usize> {
     params: GateParams<N>,
     last: Option<[f64; N]>,
-    /// The newest sample after a jump, and how many in a row agree with it.
+    /// The newest sample after a jump, and how many samples in a row agree with it.
     candidate: Option<([f64; N], u8)>,
     refused_in_a_row: u8,
     counters: GateCounters,
@@ -91,10 +91,10 @@ impl<const N: usize> Gate<N> {
         })
     }
 
-    /// Judges a sample; `lost` samples between it and the last one widen the allowed jump.
+    /// Checks a sample; `lost` samples between it and the last one increase the allowed jump.
     pub fn step(&mut self, sample: &[f64; N], lost: u32) -> Verdict {
         let mut bounds = sample.iter().zip(self.params.min.iter().zip(&self.params.max));
-        // A NaN is in no range.
+        // NaN is outside of every range.
         if !bounds.all(|(x, (min, max))| min <= x && x <= max) {
             bump(&mut self.counters.out_of_range);
             return Verdict::OutOfRange;
@@ -113,19 +113,19 @@ impl<const N: usize> Gate<N> {
             return Verdict::Pass;
         }
         self.candidate = Some((*sample, agreeing));
-        // A broken line makes gaps; an impact does not.
+        // A bad line loses samples; an impact does not.
         self.refused_in_a_row = if lost == 0 { self.refused_in_a_row.saturating_add(1) } else { 1 };
         bump(&mut self.counters.jumps);
         Verdict::Jump
     }
 
-    /// Forgets the last sample, as after a silence.
+    /// Forgets the last sample, as is right after a silence.
     pub fn forget(&mut self) {
         self.last = None;
         self.interrupt();
     }
 
-    /// A sample that is no measurement has come: the samples before and after it are not in a row.
+    /// Reports a sample that is not a measurement: the samples before and after it do not count as samples in a row.
     pub fn interrupt(&mut self) {
         self.candidate = None;
         self.refused_in_a_row = 0;

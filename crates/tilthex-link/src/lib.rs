@@ -1,14 +1,14 @@
 //! The links between a flight and its vehicle.
 //!
-//! A link turns the bytes that a vehicle sends into [`Telemetry`], and what the
-//! flight commands into bytes. It holds everything between the two: the codec,
-//! the clock of each numbered stream, the gates on its samples, and the
-//! conversation with the vehicle's board. The flight knows none of it.
+//! A link turns the bytes that a vehicle sends into [`Telemetry`], and the commands of the flight into bytes. It
+//! holds everything between the two: the codec, the clock of each numbered stream, the gates on its samples, and the
+//! conversation with the vehicle's board. The flight knows nothing of these.
 //!
-//! Each link has one folder; [`tk3`] is the first. `docs/howto/link.md` says how a
-//! link is added: a folder, and its line in the `registry` module.
+//! Each link has one folder. `docs/howto/link.md` says how to add a link: a folder, and one line in the `registry`
+//! module.
 //!
-//! `no_std`, no allocation, no unsafe. The feature `board` adds the other end of each link, for simulated vehicles, which allocates.
+//! `no_std`, no allocation, no unsafe. The feature `board` adds the vehicle's end of each link, for simulated
+//! vehicles; it allocates.
 #![no_std]
 #![forbid(unsafe_code)]
 
@@ -44,11 +44,12 @@ pub struct LinkParams {
     pub motor_period_us: u32,
     /// Period of the battery stream, us.
     pub battery_period_us: u32,
-    /// Units of the IMU's counts; `None` uses the units that are known for the board.
+    /// Units of the IMU's counts; `None` uses the known units of the board.
     pub scales: Option<tk3::ImuScales>,
 }
 
-/// Lengths of a link's frames on the line, bytes. They say how much of a serial line the streams use.
+/// Lengths of a link's frames on the line, bytes. They show how much of the capacity of a serial line the streams
+/// use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameLengths {
     /// An inertial sample.
@@ -63,19 +64,16 @@ pub struct FrameLengths {
 
 /// The host's end of a link to a vehicle.
 ///
-/// Each tick of the loop calls [`look`](Self::look) for bytes as they come, then
-/// [`receive`](Self::receive) for all of them, then [`command`](Self::command).
-/// None of them waits, allocates or panics.
+/// Each tick of the loop first calls [`look`](Self::look) with bytes as they arrive, then [`receive`](Self::receive)
+/// with all of them, then [`command`](Self::command). None of these waits, allocates or panics.
 pub trait VehicleLink {
-    /// Looks at bytes of this tick that have just arrived, in their
-    /// order, before [`receive`](Self::receive) takes them. Says whether an inertial
-    /// sample is due, and whether it has arrived. The loop looks at the port
-    /// again while a sample is due that has not arrived.
+    /// Looks at bytes of this tick that have just arrived, in their order, before [`receive`](Self::receive) takes
+    /// them. Returns whether an inertial sample is expected, and whether it has arrived. The loop looks at the port
+    /// again while an expected sample has not arrived.
     fn look(&mut self, bytes: &[u8]) -> InertialDue;
 
-    /// Takes all bytes of a tick at `now` (s, the host's monotonic clock). What
-    /// it returns depends on these bytes and times alone, so that a recorded
-    /// flight can be repeated bit for bit.
+    /// Takes all bytes of a tick at `now` (s, the host's monotonic clock). The return value depends only on these
+    /// bytes and times, so that a recorded flight can be repeated bit for bit.
     fn receive(&mut self, bytes: &[u8], now: f64) -> &Telemetry;
 
     /// The telemetry that the last [`receive`](Self::receive) returned.
@@ -84,10 +82,10 @@ pub trait VehicleLink {
     /// A text that came with the last [`receive`](Self::receive).
     fn text(&self) -> Option<(Severity, Text)>;
 
-    /// Writes a command for the motors, and every other message that the protocol needs at `now` (s).
+    /// Writes a command to the motors, and every other message that the protocol needs at `now` (s).
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing);
 
-    /// Lengths of its frames on the line, bytes.
+    /// Lengths of the link's frames on the line, bytes.
     fn frames(&self) -> FrameLengths;
 
     /// Whether the link has given up: no vehicle that it knows has answered.
@@ -102,7 +100,7 @@ extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
-/// Counts one more; saturates.
+/// Adds one to a counter; the counter saturates.
 fn bump(counter: &mut u32) {
     *counter = counter.saturating_add(1);
 }

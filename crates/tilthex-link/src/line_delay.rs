@@ -1,33 +1,34 @@
-//! The delay of a line that was fine before: numbered samples that all come later than they used to.
+//! The delay of a line: how much later than usual its numbered samples arrive.
 
 use tilthex_core::supervisor::limits::LINE_LATE;
 
-/// A line that is later than usual by `LINE_LATE` for this long, s, is late.
+/// A line that is later than usual by `LINE_LATE` for this time, s, is late.
 const LATE_FOR: f64 = 0.05;
-/// If the delay is within this of the usual one, s, for this long, s, the line is no longer late.
+/// A line whose delay differs from the usual one by less than this, s, for [`FINE_FOR`] is no longer late.
 const FINE: f64 = 0.006;
+/// See [`FINE`], s.
 const FINE_FOR: f64 = 0.5;
-/// A larger difference, s, means that the numbers began anew: it says nothing about the line.
+/// A larger difference, s, means that the numbers have started again. It says nothing about the line.
 const NUMBERED_ANEW: f64 = 0.25;
-/// Time constants of the usual delay, s, which clocks that drift apart change: slowly towards later, quickly towards
-/// earlier.
+/// Time constant, s, with which the usual delay follows later arrivals. It follows because the two clocks drift apart.
 const SLOWLY: f64 = 0.3;
+/// Time constant, s, with which the usual delay follows earlier arrivals.
 const QUICKLY: f64 = 0.02;
 
-/// Arrival times, compared with the times by sample numbers.
+/// Compares arrival times with the times that follow from the sample numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDelay {
-    /// Usual difference of arrival and the sample's own time, s, and the last arrival, s.
+    /// Usual difference between the arrival and the sample's own time, s, and the last arrival, s.
     usual: Option<(f64, f64)>,
-    /// Time since which the line has differed from its present state, s.
+    /// The time since which the line has looked different from its present state, s.
     since: Option<f64>,
     late: bool,
     delay: f64,
 }
 
 impl LineDelay {
-    /// Takes the time of a sample by its number, s from the first one, and its arrival, s. The delay that the line has
-    /// beyond the usual one, s; 0 where it is not late.
+    /// Takes the time of a sample from its number, s from the first one, and its arrival, s. Returns the delay of the
+    /// line beyond the usual one, s; 0 if the line is not late.
     pub fn step(&mut self, made: f64, arrival: f64) -> f64 {
         let found = arrival - made;
         let Some((usual, last)) = self.usual else {
@@ -46,7 +47,7 @@ impl LineDelay {
             (self.late, self.since) = (!self.late, None);
         }
         self.delay = if self.late { excess.max(0.0) } else { 0.0 };
-        // A late sample does not change the usual delay; a host that was held up reads many samples at once.
+        // A late sample does not change the usual delay. A host that was stopped reads many samples at once.
         let passed = (arrival - last).max(0.0);
         let constant = if excess > 0.0 { SLOWLY } else { QUICKLY };
         let share = if self.late && excess > 0.0 { 0.0 } else { (passed / constant).min(1.0) };

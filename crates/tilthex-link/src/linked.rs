@@ -1,8 +1,7 @@
 //! A flight behind its link: bytes in and bytes out.
 //!
-//! It depends on nothing but its inputs: the real-time loop, the fault campaign
-//! on virtual time and the replay of a log run this same code and get the same
-//! result to the bit.
+//! It depends only on its inputs. The real-time loop, the fault campaign on virtual time and the replay of a log run
+//! this same code, and get the same result bit for bit.
 
 use crate::{Link, LinkKind, LinkParams, VehicleLink, Wire};
 use tilthex_core::{
@@ -21,7 +20,7 @@ pub struct WireInput<'a> {
     pub poses: &'a [PoseSample],
     /// An order.
     pub command: Option<&'a Command>,
-    /// Facts that only the host can observe.
+    /// Facts that only the host observes.
     pub host: HostFacts,
 }
 
@@ -30,14 +29,14 @@ pub struct WireInput<'a> {
 pub struct LinkedOutput {
     /// The bytes of the tick; `wire.sent` is to be written.
     pub wire: Wire,
-    /// What the flight commanded, and its record.
+    /// The command of the flight, and its record.
     pub commanded: Commanded,
 }
 
 /// Parameters of a flight and its link.
 #[derive(Clone, Copy, Debug)]
 pub struct LinkedParams {
-    /// Which link the vehicle speaks.
+    /// The link that the vehicle speaks.
     pub kind: LinkKind,
     /// The link.
     pub link: LinkParams,
@@ -55,8 +54,7 @@ pub struct LinkedFlight {
 }
 
 impl LinkedFlight {
-    /// A flight that has not begun, over a link that has not received anything yet; `route` is flown after take-off.
-    ///
+    /// A flight that has not begun, over a link that has received no byte; `route` is flown after take-off.
     /// # Errors
     /// The first parameter that a block refuses.
     pub fn new(params: LinkedParams, route: Option<Route>) -> Result<Self, Error> {
@@ -83,7 +81,7 @@ impl LinkedFlight {
         out.wire.text = self.link.text();
     }
 
-    /// Whether the vehicle flew, stands again, and its motors have stopped.
+    /// Whether the vehicle flew, stands on the ground again, and its motors have stopped.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.flight.supervisor().landed() && !self.link.telemetry().any_spinning()

@@ -23,13 +23,12 @@ impl Outgoing {
         self.buffer.get(..self.length).unwrap_or(&[])
     }
 
-    /// Empties it.
+    /// Removes all bytes.
     pub fn clear(&mut self) {
         self.length = 0;
     }
 
-    /// Appends a frame. `encode` writes it and returns its length, bytes; a frame that
-    /// does not fit is left out.
+    /// Appends a frame. `encode` writes it and returns its length, bytes. A frame that does not fit is dropped.
     pub fn append(&mut self, encode: impl FnOnce(&mut [u8]) -> usize) {
         if let Some(free) = self.buffer.get_mut(self.length..) {
             self.length += encode(free);

@@ -6,10 +6,10 @@ use tilthex_core::{
     flight::{MotorCommand, Telemetry},
 };
 
-/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles that it expects", host type`.
+/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", host type`.
 macro_rules! links {
     ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $host:ty;)+) => {
-        /// Which link a vehicle speaks.
+        /// The link that a vehicle speaks.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum LinkKind {
             $($(#[$doc])* $kind,)+
@@ -27,7 +27,7 @@ macro_rules! links {
                 }
             }
 
-            /// The vehicles that it expects at the other end, in words.
+            /// The vehicles with this link, in words.
             #[must_use]
             pub const fn vehicles(self) -> &'static str {
                 match self {
@@ -44,10 +44,9 @@ macro_rules! links {
         }
 
         impl Link {
-            /// A link that has not received anything yet, for a vehicle with `rotor_count` rotors.
-            ///
+            /// A link that has received no byte, for a vehicle with `rotor_count` rotors.
             /// # Errors
-            /// A stream period that the link refuses.
+            /// If the link refuses the period of a stream.
             pub fn new(kind: LinkKind, params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
                 match kind {
                     $(LinkKind::$kind => <$host>::new(params, rotor_count).map(Self::$kind),)+

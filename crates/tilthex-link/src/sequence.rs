@@ -1,5 +1,4 @@
-//! Time from sequence numbers: frames carry no time, but they are numbered
-//! (u8, wrapping) and come at a fixed period.
+//! Times from sequence numbers. Frames carry no time, but they are numbered (u8, wrapping) and have a fixed period.
 
 use crate::bump;
 use tilthex_core::{
@@ -12,18 +11,17 @@ use tilthex_core::{
 pub enum Arrival {
     /// A new sample.
     New {
-        /// When it was made, s on the host's clock; never before the one
-        /// before, never after its arrival.
+        /// When it was made, s on the host's clock: not before the last sample, and not after its arrival.
         time: f64,
         /// Samples lost since the one before.
         lost: u32,
         /// The effect on the clock of the stream.
         event: ClockEvent,
     },
-    /// The same number again: the sample is dropped.
+    /// The number of the last sample again; the sample is dropped.
     Duplicate,
-    /// A number that neither the clock nor its neighbour supports: probably a
-    /// flipped bit. The sample may be good; its time is not known.
+    /// A number that fits neither the clock nor the numbers beside it: probably a flipped bit. The sample may be
+    /// good, but its time is not known.
     Suspect,
 }
 
@@ -36,7 +34,7 @@ pub struct SequenceCounters {
     pub lost: u32,
     /// Samples that came again.
     pub duplicates: u32,
-    /// Samples with a number that nothing supports.
+    /// Samples with a number that fits nothing.
     pub suspect: u32,
 }
 
@@ -46,7 +44,7 @@ struct Last {
     count: u64,
     arrival: f64,
     time: f64,
-    /// A suspect number: believed when the next one follows it.
+    /// A suspect number; it is believed when the next number follows it.
     candidate: Option<u8>,
 }
 
@@ -73,14 +71,13 @@ pub struct SequenceClock {
 }
 
 impl SequenceClock {
-    /// After a silence of this many periods the numbers have no meaning: the clock starts anew.
+    /// After a silence of this many periods the numbers mean nothing, and the clock starts again.
     const SILENCE: f64 = 128.0;
 
-    /// A stream with a period in s that has not received a sample yet. Stamps may
-    /// differ by four periods, or by the parameters' jump where that is larger.
-    ///
+    /// A stream with a period in s that has received no sample. Stamps may differ by four periods, or by the
+    /// parameters' jump if that is larger.
     /// # Errors
-    /// When the period is not within 10 us to 2.5 s, or [`ClockSync::new`] refuses the parameters.
+    /// If the period is not within 10 us to 2.5 s, or [`ClockSync::new`] refuses the parameters.
     pub fn new(period: f64, params: ClockParams) -> Result<Self, Error> {
         check_range("stream period (s)", period, 1e-5, 2.5)?;
         let jump = params.jump.max(4.0 * period);
@@ -88,7 +85,7 @@ impl SequenceClock {
         Ok(Self { period, clock, last: None, counters: SequenceCounters::default() })
     }
 
-    /// Takes the number of a sample that arrived at a time, s on the host's clock.
+    /// Takes the number of a sample, and its arrival, s on the host's clock.
     pub fn step(&mut self, number: u8, arrival: f64) -> Arrival {
         let Some(last) = self.last else {
             let stamp = self.clock.step(0.0, arrival);
@@ -116,7 +113,7 @@ impl SequenceClock {
         }
     }
 
-    /// The newest sample's own time by its number, s from the first one.
+    /// The time of the newest sample from its number, s from the first one.
     #[must_use]
     pub fn made(&self) -> Option<f64> {
         self.last.map(|last| self.remote(last.count))
@@ -128,7 +125,7 @@ impl SequenceClock {
         self.counters
     }
 
-    /// How often the clock of the stream started anew.
+    /// How often the clock of the stream has started again.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.clock.resets()
@@ -138,7 +135,7 @@ impl SequenceClock {
         count as f64 * self.period
     }
 
-    /// Whether a sample can have been made by now, within one period.
+    /// Whether a sample can have been made by now, to within one period.
     fn in_time(&self, count: u64, arrival: f64) -> bool {
         let remote = self.remote(count);
         self.clock.offset(remote).is_some_and(|offset| remote + offset <= arrival + self.period)

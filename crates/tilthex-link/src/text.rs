@@ -2,8 +2,8 @@
 
 use core::fmt::{self, Write};
 
-/// Up to 63 bytes of text as they came. Shown with everything that is not
-/// printable ASCII escaped: it goes to terminals and logs.
+/// Up to 63 bytes of text. When it is displayed, everything that is not printable ASCII is escaped, because the text
+/// goes to terminals and logs.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Text {
     bytes: [u8; Self::MAX],
@@ -14,7 +14,7 @@ impl Text {
     /// Longest text, bytes.
     pub const MAX: usize = 63;
 
-    /// The text; what is longer than [`Text::MAX`] is cut there.
+    /// The text; bytes after the first [`Text::MAX`] are dropped.
     #[must_use]
     pub fn new(bytes: &[u8]) -> Self {
         let mut text = Self { bytes: [0; Self::MAX], length: bytes.len().min(Self::MAX) };

@@ -1,8 +1,5 @@
-//! Proof, at link time, that no step function of the core can panic.
-//!
-//! `#[no_panic]` makes a program that does not link where the optimiser finds
-//! a path from the function to a panic:
-//!
+//! A proof, at link time, that no step function of the core can panic.
+//! A function with `#[no_panic]` does not link if the optimiser finds a path from it to a panic:
 //! `cargo build --profile proof -p tilthex-proof --features proof`
 
 use no_panic::no_panic;
@@ -119,7 +116,7 @@ fn tick_on_wire(b: &mut LinkedFlight, input: &WireInput<'_>, out: &mut LinkedOut
     b.tick(input, out);
 }
 
-/// Keeps every function in the program with inputs that the optimiser knows nothing of.
+/// Calls every function with inputs that the optimiser does not know, so that all of them stay in the program.
 fn main() {
     black_box(low_pass as fn(_, _, _, _) -> _);
     black_box(observe as fn(_, _, _, _) -> _);

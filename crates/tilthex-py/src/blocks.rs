@@ -1,4 +1,4 @@
-//! The controller's blocks alone.
+//! The blocks of the controller, each for use alone.
 
 use crate::{
     config::Config,
@@ -52,7 +52,7 @@ impl PoseController {
     }
 }
 
-/// Wanted accelerations, and the errors they answer.
+/// The wanted accelerations, and the errors from which they follow.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct PoseCommand(Command);
 
@@ -113,9 +113,8 @@ impl WrenchObserver {
         Ok(Self { block, state: WrenchObserverState::default(), count: vehicle.core().rotor_count() })
     }
 
-    /// Takes the sample at the end of a period of `dt` seconds; returns the
-    /// estimate, (6,): force in world, torque in robot coordinates about the
-    /// centre of mass. The first sample only marks the beginning.
+    /// Takes the sample at the end of a period of `dt` seconds. Returns the estimate, (6,): force in world, torque in
+    /// robot coordinates about the centre of mass. The first sample only marks the begin of the first period.
     ///
     /// rotation: `R_WR`, (3, 3). angular_velocity: (3,), rad/s, robot.
     /// specific_force: at the centre of mass, (3,), m/s^2, robot.
@@ -139,13 +138,13 @@ impl WrenchObserver {
         Ok(wrench_array(rotation.py(), &wrench))
     }
 
-    /// Forgets everything: as new.
+    /// Resets the observer to its initial state.
     fn reset(&mut self) {
         self.state = WrenchObserverState::default();
     }
 }
 
-/// The admittance filter: how the tool's reference yields to a wrench; (27)-(28).
+/// The admittance filter: it moves the tool's reference under a wrench; (27)-(28).
 #[pyclass(module = "tilthex")]
 pub(crate) struct AdmittanceFilter {
     block: admittance::AdmittanceFilter,
@@ -162,8 +161,8 @@ impl AdmittanceFilter {
         Ok(Self { block, state: AdmittanceState::default(), output: None })
     }
 
-    /// Moves the reference on by `dt` seconds under the wrench `what_E + w_user`
-    /// at the tool, (6,), world, held over the period; `setpoint` is that at its end.
+    /// Moves the reference by `dt` seconds under the wrench `what_E + w_user` at the tool, (6,), world. The wrench is
+    /// constant over the period; `setpoint` is the set-point at its end.
     #[pyo3(signature = (setpoint, wrench, dt=0.002))]
     fn step(&mut self, setpoint: &Setpoint, wrench: &Bound<'_, PyAny>, dt: f64) -> PyResult<Setpoint> {
         let wrench = convert::wrench("wrench", wrench)?;
@@ -174,14 +173,14 @@ impl AdmittanceFilter {
         Ok(Setpoint(output.reference))
     }
 
-    /// Starts anew at rest on the set-point, or from a given reference without a jump.
+    /// Restarts at rest on the set-point, or from a given reference, so that the reference does not jump.
     #[pyo3(signature = (reference=None, setpoint=None))]
     fn reset(&mut self, reference: Option<&Setpoint>, setpoint: Option<&Setpoint>) -> PyResult<()> {
         self.state = match (reference, setpoint) {
             (None, None) => AdmittanceState::default(),
             (Some(reference), Some(setpoint)) => AdmittanceState::at(&reference.0, &setpoint.0),
             _ => {
-                let message = "reference and setpoint belong together; expected both or neither";
+                let message = "reference and setpoint must be given together; expected both or neither";
                 return Err(pyo3::exceptions::PyValueError::new_err(message));
             }
         };
@@ -189,14 +188,14 @@ impl AdmittanceFilter {
         Ok(())
     }
 
-    /// How far the last reference has yielded, (6,): m, and rad (sine of the angle), world.
+    /// Deviation of the last reference from the set-point, (6,): m, and rad (sine of the angle), world.
     #[getter]
     fn deviation<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         let deviation = self.output.map_or(Wrench::ZERO.to_vector(), |o| o.deviation_w);
         array1(py, deviation.as_slice())
     }
 
-    /// Whether the excursion limit held the last reference back.
+    /// Whether the excursion limit limited the last reference.
     #[getter]
     fn limited(&self) -> bool {
         self.output.is_some_and(|o| o.limited)
@@ -221,9 +220,9 @@ impl Allocator {
         Ok(Self { block, count: vehicle.core().rotor_count() })
     }
 
-    /// The rotors' share of a body wrench, (6,), robot: force N, torque N m.
-    /// rotor_speeds: measured, (n,), Hz, for a horizon; lost: rotors, from 0, that stand still; rotation: `R_WR`,
-    /// (3, 3), which matters to a vehicle that can hover in every attitude (level if it is not given).
+    /// Rotor speeds for a body wrench, (6,), robot: force N, torque N m.
+    /// rotor_speeds: measured, (n,), Hz, used with a horizon. lost: rotors, from 0, that stand still. rotation:
+    /// `R_WR`, (3, 3); it matters for a vehicle that can hover in every attitude; level if it is not given.
     #[pyo3(signature = (wrench, rotor_speeds=None, lost=None, rotation=None))]
     fn allocate(
         &self,
@@ -244,7 +243,7 @@ impl Allocator {
     }
 }
 
-/// The commanded rotor speeds, and what the rotors give up.
+/// The commanded rotor speeds, and the parts of the wrench that they do not produce.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Allocation {
     found: allocation::Allocation,
@@ -265,7 +264,7 @@ impl Allocation {
         array1(py, &self.found.inputs.as_slice()[..self.count])
     }
 
-    /// The body wrench they produce, robot, (6,).
+    /// The body wrench that the inputs produce, robot, (6,).
     #[getter]
     fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.found.wrench.as_slice())
@@ -287,7 +286,7 @@ impl Allocation {
             .collect()
     }
 
-    /// Steps of the search; 0 where no limit was active.
+    /// Steps of the search; 0 if no limit was active.
     #[getter]
     fn iterations(&self) -> u32 {
         self.found.iterations

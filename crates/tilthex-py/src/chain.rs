@@ -1,4 +1,4 @@
-//! `tilthex.Loop`: the flight as one call a control period, for worlds that are simulated elsewhere.
+//! `tilthex.Loop`: the flight, with one call per control period, for worlds that are simulated elsewhere.
 
 use crate::{
     config::Config,
@@ -21,7 +21,7 @@ use tilthex_core::{
     types::PoseSample,
 };
 
-/// What is kept of every period: name and width of each column.
+/// The columns of the record: name and width.
 const COLUMNS: [(&str, usize); 16] = [
     ("setpoint_position", 3),
     ("setpoint_rotation", 9),
@@ -44,8 +44,8 @@ const COLUMNS: [(&str, usize); 16] = [
 /// A pose as it arrives: when it arrived, when it was taken (s), position (3,), rotation (3, 3).
 type ArrivedPose<'py> = (f64, f64, Bound<'py, PyAny>, Bound<'py, PyAny>);
 
-/// The flight that `tilthex-rt` flies, from measurements to rotor speeds, with its own record: one
-/// call a control period. It begins in the air and follows the set-points that it is given.
+/// The flight of `tilthex-rt`, from measurements to rotor speeds, with its record. It has one call per control
+/// period, begins in the air, and follows the set-points that it gets.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Loop {
     configured: VehicleSection,
@@ -63,7 +63,7 @@ impl Loop {
     #[new]
     fn new(config: &Config) -> PyResult<Self> {
         let mut params = config.checked.flight_params(true).map_err(convert::config_error)?;
-        // Whoever gives every set-point may let it jump.
+        // The caller gives every set-point, so that a set-point may jump.
         let none = f64::INFINITY;
         params.guidance.max_setpoint_jump = none;
         params.guidance.stream =
@@ -81,8 +81,8 @@ impl Loop {
         })
     }
 
-    /// Begins in the air, at rest, with the estimator at a pose of the captured body: position (3,), m,
-    /// world; rotation `R_WR`, (3, 3). time: before the first step, s.
+    /// Begins in the air, at rest, with the estimator at a pose of the captured body: position (3,), m, world;
+    /// rotation `R_WR`, (3, 3). time: a time before the first step, s.
     fn initialize(
         &mut self,
         time: f64,
@@ -102,11 +102,11 @@ impl Loop {
 
     /// One control period with the estimator, from measurements to rotor speeds, Hz, (n,).
     ///
-    /// time: of the inertial sample, s. gyro, specific_force: (3,), rad/s and m/s^2, IMU axes.
-    /// rotor_speeds: measured, (n,), Hz. poses: those that arrived since the last call, each
-    /// (arrival, time, position, rotation). learn_bias: whether this is a contact-free hover whose
-    /// mean wrench is the bias; contact does not move the reference meanwhile. learn_model: whether this is
-    /// the contact-free `calibration_flight`; after its last step what it showed takes the model's place.
+    /// time: of the inertial sample, s. gyro, specific_force: (3,), rad/s and m/s^2, IMU axes. rotor_speeds:
+    /// measured, (n,), Hz. poses: the poses that arrived since the last call, each (arrival, time, position,
+    /// rotation). learn_bias: whether this is a contact-free hover whose mean wrench is the bias; then contact does
+    /// not move the reference. learn_model: whether this is the contact-free `calibration_flight`; after the last
+    /// step with `learn_model` the corrected model replaces the configured one.
     #[pyo3(signature = (
         time, gyro, specific_force, rotor_speeds, poses, setpoint, *, learn_bias=false, learn_model=false
     ))]
@@ -143,7 +143,7 @@ impl Loop {
         self.tick(py, time, rotor_speeds, setpoint, (learn_bias, learn_model), None)
     }
 
-    /// One control period without the estimator: as [`Controller.step`], for a state that is known.
+    /// One control period without the estimator, for a known state; the arguments are those of [`Controller.step`].
     #[pyo3(signature = (
         time, *, position, velocity, rotation, angular_velocity, specific_force, rotor_speeds, setpoint,
         learn_bias=false, learn_model=false
@@ -182,13 +182,13 @@ impl Loop {
         self.flight.supervisor().phase().name()
     }
 
-    /// Names of the faults that last.
+    /// Names of the active faults.
     #[getter]
     fn faults(&self) -> Vec<&'static str> {
         self.flight.supervisor().active().rows().map(|row| row.name).collect()
     }
 
-    /// The vehicle as the loop has it now: the configuration's, or what a calibration flight made of it.
+    /// The vehicle model that the loop uses now: the configured one, or the one that a calibration flight corrected.
     #[getter]
     fn model(&self) -> Vehicle {
         if self.flight.model_hovers() == 0 {
@@ -198,13 +198,13 @@ impl Loop {
         Vehicle { section: VehicleSection::of(&name, *self.flight.model()) }
     }
 
-    /// Standard deviations of what is left of the model's errors: `mass`, `thrust` (n,) and `drag_moment` as parts
-    /// of the model's, `rotor_axis` (n,), rad, `centre_of_mass` (3,), m, robot, `accelerometer_bias` (3,), m/s^2 (what
-    /// the estimator leaves); `false_force`, N, and `false_torque` about the centre of mass, N m: the contact that
-    /// is seen where there is none, in hovers tilted by 15 degrees.
-    ///
-    /// `excited` says of each whether the flight told more than half of what the drawings left open (tuples and
-    /// arrays by their mean). `hovers`: how many the model was learnt from, 0 before a calibration flight.
+    /// Standard deviations of the remaining errors of the model: `mass`, `thrust` (n,) and `drag_moment` as fractions
+    /// of the model's values, `rotor_axis` (n,), rad, `centre_of_mass` (3,), m, robot, `accelerometer_bias` (3,),
+    /// m/s^2 (the part that the estimator does not remove). `false_force`, N, and `false_torque` about the centre of
+    /// mass, N m: the contact that the observer reports although there is none, in hovers tilted by 15 degrees.
+    /// `excited` says for each of them whether the flight determined more than half of the uncertainty before the
+    /// flight (for tuples and arrays: their mean). `hovers`: the number of hovers from which the model was learnt; 0
+    /// before a calibration flight.
     #[getter]
     fn model_deviation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let now = *self.flight.model_deviation();
@@ -235,19 +235,17 @@ impl Loop {
         Ok(keys)
     }
 
-    /// Why the last calibration flight taught nothing; None where it did, or was none.
+    /// Why the last calibration flight did not change the model. None if it did, or if there was none.
     #[getter]
     fn model_refused(&self) -> Option<String> {
         self.flight.model_refused().map(|refusal| refusal.to_string())
     }
 
-    /// The record as a dict of arrays, (N, k), one row a period; rotations row by row.
-    ///
-    /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the robot's state as the
-    /// controller was given it. `position_error`, `rotation_error`: of the pose controller.
-    /// `wrench_robot` (force W, torque R), `wrench_tool` (W) as observed, `wrench_admittance`
-    /// (W) behind low-pass and dead zone. `wind`: estimated velocity of the air, m/s, and
-    /// `contact_likelihood`, 0 to 1 (with `[contact] discrimination`). `saturated`: 0 or 1.
+    /// The record as a dict of arrays, (N, k), one row per period; rotations row by row.
+    /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the state of the robot that the controller
+    /// got. `position_error`, `rotation_error`: of the pose controller. `wrench_robot` (force W, torque R) and
+    /// `wrench_tool` (W): observed. `wrench_admittance` (W): after low-pass and dead zone. `wind`: estimated velocity
+    /// of the air, m/s, and `contact_likelihood`, 0 to 1 (both with `[contact] discrimination`). `saturated`: 0 or 1.
     fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let width: usize = COLUMNS.iter().map(|c| c.1).sum();
         let columns = PyDict::new(py);

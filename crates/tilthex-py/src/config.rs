@@ -37,7 +37,7 @@ impl Config {
         Ok(Self { checked: Checked::from_text(text, Path::new("")).map_err(convert::config_error)? })
     }
 
-    /// The same with some keys changed: `config.replace(admittance={"stiffness": [6, 6, 6, 10, 10, 5]})`.
+    /// A copy with some keys changed: `config.replace(admittance={"stiffness": [6, 6, 6, 10, 10, 5]})`.
     #[pyo3(signature = (**sections))]
     fn replace(&self, sections: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let changes = sections.map(|s| convert::table("config", s)).transpose()?.unwrap_or_default();
@@ -55,13 +55,13 @@ impl Config {
         Vehicle { section: self.checked.vehicle().clone() }
     }
 
-    /// The constant latency that is taken off every pose's time, s.
+    /// The constant latency that is subtracted from the time of every pose, s.
     #[getter]
     fn pose_latency(&self) -> f64 {
         self.checked.estimator().latency
     }
 
-    /// Where the captured body sits on the robot: position, m, (3,), and rotation, (3, 3).
+    /// The pose of the captured body on the robot: position, m, (3,), and rotation, (3, 3).
     #[getter]
     fn captured_body<'py>(&self, py: Python<'py>) -> PyResult<Place<'py>> {
         let params = self.checked.estimator_params().map_err(convert::config_error)?;
@@ -69,7 +69,7 @@ impl Config {
         Ok((convert::array1(py, params.body_position_r.as_slice()), rotation))
     }
 
-    /// One sentence for each pair of blocks whose poles are too close.
+    /// One sentence for each pair of blocks whose poles are too close to each other.
     #[getter]
     fn warnings(&self) -> Vec<String> {
         self.checked.warnings()

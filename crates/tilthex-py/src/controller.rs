@@ -31,14 +31,11 @@ impl Controller {
     }
 
     /// One tick, from measurements to rotor speeds.
-    ///
-    /// position, velocity: of the centre of mass, (3,), m and m/s, world.
-    /// rotation: `R_WR`, (3, 3). angular_velocity: (3,), rad/s, robot.
-    /// specific_force: at the centre of mass, (3,), m/s^2, robot.
-    /// rotor_speeds: measured, (n,), Hz. dt: measured time since the last tick, s.
-    /// compliant: whether contact moves the reference. learn_bias: whether this
-    /// is a contact-free hover whose mean wrench is the bias. lost_rotors: those,
-    /// from 0, that stand still.
+    /// position, velocity: of the centre of mass, (3,), m and m/s, world. rotation: `R_WR`, (3, 3). angular_velocity:
+    /// (3,), rad/s, robot. specific_force: at the centre of mass, (3,), m/s^2, robot. rotor_speeds: measured, (n,),
+    /// Hz. dt: measured time since the last tick, s. compliant: whether contact moves the reference. learn_bias:
+    /// whether this is a contact-free hover whose mean wrench is the bias. lost_rotors: rotors, from 0, that stand
+    /// still.
     #[pyo3(signature = (
         *, position, velocity, rotation, angular_velocity, specific_force, rotor_speeds, setpoint,
         dt=0.002, compliant=true, learn_bias=false, lost_rotors=None
@@ -81,12 +78,12 @@ impl Controller {
         Ok(Output { output, count })
     }
 
-    /// Forgets everything: as new.
+    /// Resets the controller to its initial state.
     fn reset(&mut self) {
         self.state = ControllerState::default();
     }
 
-    /// The wrench that counts as no contact, robot coordinates, (6,); settable.
+    /// The wrench that counts as no contact, robot coordinates, (6,). It can be set.
     #[getter]
     fn bias<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wrench_array(py, &self.state.bias_r)
@@ -98,7 +95,7 @@ impl Controller {
         Ok(())
     }
 
-    /// Uses the admittance filter of another configuration from now on; the reference does not jump.
+    /// Uses the admittance filter of another configuration from now on. The reference does not jump.
     fn set_admittance(&mut self, config: &Config) -> PyResult<()> {
         let filter = tilthex_core::admittance::AdmittanceFilter::new(config.checked.controller().admittance)
             .map_err(convert::value_error)?;
@@ -107,7 +104,7 @@ impl Controller {
     }
 }
 
-/// The command, and what led to it.
+/// The command of a tick, and the values from which it follows.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Output {
     output: ControllerOutput,
@@ -134,7 +131,8 @@ impl Output {
         wrench_array(py, &self.output.wrench_tool_w)
     }
 
-    /// The same behind low-pass and dead zone: what enters the admittance filter, (6,).
+    /// External wrench at the tool tip, world, (6,), after low-pass and dead zone: the input of the admittance
+    /// filter.
     #[getter]
     fn wrench_admittance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wrench_array(py, &self.output.wrench_admittance_w)

@@ -1,5 +1,5 @@
-//! Arrays in and out. What comes in is refused with one sentence that names
-//! the argument, what was expected and what came.
+//! Converts arrays. An argument that is refused gives one sentence with its name, what was found and what was
+//! expected.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -13,20 +13,20 @@ use tilthex_config::ConfigError;
 use tilthex_core::{Error, Matrix3, RotorVector, Wrench, so3};
 use toml::{Table, Value};
 
-/// `ValueError` with the core's own sentence.
+/// A `ValueError` with the sentence of the core.
 pub(crate) fn value_error(error: Error) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// `ValueError` with the configuration's own sentence.
+/// A `ValueError` with the sentence of the configuration.
 pub(crate) fn config_error(error: ConfigError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// What makes a copy, and of what: the answer of `__reduce__`.
+/// The return value of `__reduce__`: the function that makes a copy, and its argument.
 pub(crate) type Copied<'py> = (Bound<'py, PyAny>, (String,));
 
-/// `__reduce__` of what is its TOML: a function of `tilthex._copied`, and the text.
+/// `__reduce__` of an object that its TOML defines: a function of `tilthex._copied`, and the text.
 pub(crate) fn copied<'py>(py: Python<'py>, maker: &str, toml: String) -> PyResult<Copied<'py>> {
     Ok((py.import("tilthex._copied")?.getattr(maker)?, (toml,)))
 }
@@ -46,7 +46,8 @@ fn shape_text(shape: &[usize]) -> String {
     }
 }
 
-/// Any array-like of numbers as a float64 array; arrays of float64 are taken as they are. A mask is no array of numbers.
+/// Any array-like of numbers as a float64 array. An array of float64 is not copied. A mask is not an array of
+/// numbers.
 fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
     if let Ok(array) = object.cast::<PyArrayDyn<f64>>() {
         return Ok(array.clone());
@@ -70,7 +71,7 @@ fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     Ok(asarray.call1((found, "float64")).map_err(no_array)?.cast_into::<PyArrayDyn<f64>>()?)
 }
 
-/// The numbers of an array of exactly this shape, row by row, written to `out`.
+/// Reads the numbers of an array of exactly this shape, row by row, into `out`.
 fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f64]) -> PyResult<()> {
     let array = float_array(name, object)?;
     let shape = array.shape();
@@ -85,8 +86,8 @@ fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f6
     if out.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(not_finite(name, out)) }
 }
 
-/// The numbers of an array of rows of this inner shape (nothing: single numbers), row by row.
-/// `count` is how many rows are expected, where that is known; NaN passes.
+/// Reads the numbers of an array whose rows have this inner shape (empty: single numbers), row by row. `count` is the
+/// expected number of rows, if it is known. NaN is allowed.
 pub(crate) fn rows(
     name: &str,
     object: &Bound<'_, PyAny>,
@@ -124,7 +125,7 @@ pub(crate) fn matrix<const R: usize, const C: usize>(
     name: &str,
     object: &Bound<'_, PyAny>,
 ) -> PyResult<SMatrix<f64, R, C>> {
-    // Read row by row into the transpose, whose columns they are.
+    // Read row by row into the columns of the transpose.
     let mut rows = SMatrix::<f64, C, R>::zeros();
     read(name, object, &[R, C], rows.as_mut_slice())?;
     Ok(rows.transpose())
@@ -137,13 +138,13 @@ pub(crate) fn rotation(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Matrix
     if defect > 1e-6 { Err(not_rotation(name, defect)) } else { Ok(r) }
 }
 
-/// A matrix that is a rotation but for its rounding, as measured ones are: the nearest rotation.
+/// A matrix that is a rotation except for rounding, as measured rotations are: the nearest rotation.
 pub(crate) fn near_rotation(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Matrix3> {
     let r = matrix::<3, 3>(name, object)?;
     near_rotation_of(name, &r)
 }
 
-/// [`near_rotation`] of a matrix that has been read.
+/// [`near_rotation`] for a matrix that was read before.
 pub(crate) fn near_rotation_of(name: &str, r: &Matrix3) -> PyResult<Matrix3> {
     let defect = so3::rotation_defect(r);
     if defect > so3::NEAR_ROTATION { Err(not_rotation(name, defect)) } else { Ok(so3::straightened(r)) }
@@ -160,7 +161,7 @@ pub(crate) fn wrench(name: &str, object: &Bound<'_, PyAny>) -> PyResult<Wrench> 
     Ok(Wrench::from_vector(&vector::<6>(name, object)?))
 }
 
-/// One finite number a rotor.
+/// One finite number per rotor.
 pub(crate) fn rotors(name: &str, object: &Bound<'_, PyAny>, count: usize) -> PyResult<RotorVector> {
     let mut out = RotorVector::zeros();
     read(name, object, &[count], &mut out.as_mut_slice()[..count])?;

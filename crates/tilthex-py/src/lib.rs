@@ -1,5 +1,4 @@
-//! Python bindings: registers classes, checks shapes and converts arrays. No
-//! control law lives here.
+//! Python bindings: they register classes, check shapes and convert arrays. They contain no control law.
 
 mod blocks;
 mod chain;

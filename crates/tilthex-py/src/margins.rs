@@ -9,7 +9,7 @@ use tilthex_config::margins::{
     AXES, Contact, Hold, LARGEST_PEAK, LEAST_PHASE_MARGIN_DEG, LoopModel as Model,
 };
 
-/// What holds the tip of a tool that is held against turning: N/m, N s/m.
+/// Stiffness, N/m, and damping, N s/m, at the tip of a tool that is held against turning.
 const TIP: (f64, f64) = (5e3, 5.0);
 
 /// A direction, (3,), and stable ranges.
@@ -23,8 +23,8 @@ pub(crate) struct LoopModel {
 
 #[pymethods]
 impl LoopModel {
-    /// Of a configuration; where `truth` is given, of a vehicle drawn from it with `seed`. The delays, s, are the
-    /// configuration's unless they are given, as is the control period.
+    /// The model of a configuration; with `truth`, the model of a vehicle that is drawn from it with `seed`. Delays,
+    /// s, and control period are those of the configuration unless they are given.
     #[new]
     #[pyo3(signature = (config, *, truth=None, seed=0, loop_delay=None, rotor_speed_age=None, period=None))]
     fn new(
@@ -60,13 +60,13 @@ impl LoopModel {
         AXES.to_vec()
     }
 
-    /// The phase margin that `derive` gives every axis at least, degrees.
+    /// The smallest phase margin of any axis that `derive` allows, degrees.
     #[classattr]
     fn least_phase_margin_deg() -> f64 {
         LEAST_PHASE_MARGIN_DEG
     }
 
-    /// The sensitivity peak that `derive` gives every axis at most.
+    /// The largest sensitivity peak of any axis that `derive` allows.
     #[classattr]
     fn largest_peak() -> f64 {
         LARGEST_PEAK
@@ -89,8 +89,9 @@ impl LoopModel {
         Ok(out)
     }
 
-    /// The fastest gains with 45 degrees of phase margin and a sensitivity peak of at most 2 in every axis, as sections for
-    /// `Config.replace`; of the configuration only vehicle, delays and the turn's bandwidth count.
+    /// The fastest gains with a phase margin of 45 degrees and a sensitivity peak of at most 2 in every axis, as
+    /// sections for `Config.replace`. They depend only on the vehicle, the delays and the turn's bandwidth of the
+    /// configuration.
     fn derive<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (derived, out) = (self.model.derive(), PyDict::new(py));
         for (section, keys) in derived.sections() {
@@ -103,8 +104,8 @@ impl LoopModel {
         Ok(out)
     }
 
-    /// The loops in hover: `frequency`, (N,), rad/s, and real and imaginary part of each axis' loop gain,
-    /// `real` and `imaginary`, (6, N), all other axes' loops closed.
+    /// The loops in hover: `frequency`, (N,), rad/s, and real and imaginary part of the loop gain of each axis,
+    /// `real` and `imaginary`, (6, N), with the loops of all other axes closed.
     fn loops<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let found = py.detach(|| self.model.loops());
         let out = PyDict::new(py);
@@ -116,10 +117,10 @@ impl LoopModel {
         Ok(out)
     }
 
-    /// Where contact is stable: pairs (from, to) of stiffnesses, rising, 1e6 for any. `along` (3,): the normal of a surface
-    /// without friction at the tip, world; N/m. Or `about` (3,): the axis about which something holds the tool against
-    /// turning while a spring, N/m, and a damper, N s/m, `tip` (5e3 and 5), hold its tip; N m/rad. `damping_time`, s: the
-    /// environment's damping by its stiffness.
+    /// Where contact is stable: pairs (from, to) of stiffnesses, rising; 1e6 stands for any stiffness. `along` (3,):
+    /// the normal of a surface without friction at the tip, world; N/m. Or `about` (3,): the axis about which the
+    /// environment holds the tool against turning, while a spring, N/m, and a damper, N s/m, `tip` (5e3 and 5), hold
+    /// its tip; N m/rad. `damping_time`, s: the damping of the environment divided by its stiffness.
     #[pyo3(signature = (*, along=None, about=None, tip=None, damping_time=0.0))]
     fn contact(
         &self,
@@ -145,13 +146,17 @@ impl LoopModel {
                     .map(|(name, value)| convert::number(name, value, 0.0, 1e7));
                 Hold::About(direction("about", given)?, [stiffness?, damping?])
             }
-            _ => return Err(PyValueError::new_err("expected one of along and about")),
+            _ => {
+                return Err(PyValueError::new_err(
+                    "along and about are both given or both missing; expected exactly one of them",
+                ));
+            }
         };
         let damping_time = convert::number("damping_time", damping_time, 0.0, 10.0)?;
         Ok(py.detach(|| self.model.contact(Contact { hold, damping_time })).stable)
     }
 
-    /// The direction, (3,), of 13 in which the range of `contact` is smallest, and that range.
+    /// Of 13 directions, (3,), the one in which the range of `contact` is smallest, and that range.
     #[pyo3(signature = (*, damping_time=0.0))]
     fn worst_contact<'py>(&self, py: Python<'py>, damping_time: f64) -> PyResult<DirectedRange<'py>> {
         let damping_time = convert::number("damping_time", damping_time, 0.0, 10.0)?;
@@ -159,8 +164,8 @@ impl LoopModel {
         Ok((convert::array1(py, direction.as_slice()), range.stable))
     }
 
-    /// The apparent mass, kg, along x, y or z (0, 1, 2), from the configured one down, below which contact along it is no
-    /// longer stable at every stiffness up to this one, N/m; infinite where it is not with the configured one.
+    /// The smallest apparent mass, kg, along x, y or z (0, 1, 2) with which contact along that axis is stable at
+    /// every stiffness up to this one, N/m. Infinite if contact is unstable with the configured mass.
     #[pyo3(signature = (axis, stiffness, *, damping_time=0.0))]
     fn least_apparent_mass(
         &self,

@@ -12,8 +12,8 @@ use tilthex_core::{
     plant::{Plant as Block, PlantState},
 };
 
-/// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10).
-/// It begins in a level hover. With `effects` of a `Truth.draw`, they act on it.
+/// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10). It begins in a level hover. `effects` of a
+/// `Truth.draw` act on it if they are given.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Plant {
     block: Block,
@@ -41,10 +41,9 @@ impl Plant {
         Ok(Self { block, state, external: Wrench::ZERO })
     }
 
-    /// Moves on by `dt` seconds under commanded rotor speeds, (n,), Hz, and
-    /// external wrenches held over the step: `wrench`, (6,), force in world and
-    /// torque in robot coordinates at the centre of mass; `tool_wrench`, (6,),
-    /// world, at the tool tip.
+    /// Moves by `dt` seconds under commanded rotor speeds, (n,), Hz, and external wrenches that are constant over the
+    /// step: `wrench`, (6,), force in world and torque in robot coordinates at the centre of mass; `tool_wrench`,
+    /// (6,), world, at the tool tip.
     #[pyo3(signature = (rotor_speeds, *, wrench=None, tool_wrench=None, dt=0.001))]
     fn step(
         &mut self,
@@ -63,7 +62,7 @@ impl Plant {
         Ok(())
     }
 
-    /// Sets what is given of the state, and leaves the rest.
+    /// Sets the given parts of the state; the others stay.
     #[pyo3(signature = (*, position=None, velocity=None, rotation=None, angular_velocity=None, rotor_speeds=None))]
     fn set_state(
         &mut self,
@@ -93,25 +92,25 @@ impl Plant {
         Ok(())
     }
 
-    /// Centre of mass, m, world, (3,).
+    /// Position of the centre of mass, m, world, (3,).
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.state.robot.position_w.as_slice())
     }
 
-    /// m/s, world, (3,).
+    /// Velocity of the centre of mass, m/s, world, (3,).
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.state.robot.velocity_w.as_slice())
     }
 
-    /// `R_WR`, (3, 3).
+    /// Rotation `R_WR`, (3, 3).
     #[getter]
     fn rotation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array2(py, &self.state.robot.rotation_wr)
     }
 
-    /// rad/s, robot, (3,).
+    /// Angular velocity, rad/s, robot, (3,).
     #[getter]
     fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.state.robot.angular_velocity_r.as_slice())
@@ -131,7 +130,7 @@ impl Plant {
         array1(py, (self.state.robot.rotation_wr.transpose() * free_w).as_slice())
     }
 
-    /// Tool tip, m, world, (3,).
+    /// Position of the tool tip, m, world, (3,).
     #[getter]
     fn tool_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.block.tool_pose(&self.state).0.as_slice())
@@ -143,7 +142,7 @@ impl Plant {
         array2(py, &self.block.tool_pose(&self.state).1)
     }
 
-    /// What the effects do to the airframe, (6,): force and torque in robot coordinates, at the centre of mass.
+    /// The wrench of the effects on the airframe, (6,): force and torque in robot coordinates, at the centre of mass.
     #[getter]
     fn effects_wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         convert::wrench_array(py, &self.block.effects_wrench(&self.state))

@@ -1,12 +1,12 @@
-//! What `tilthex.recording` needs of the wire format.
+//! The functions of the wire format that `tilthex.recording` needs.
 
 use crate::{config::Config, convert};
 use numpy::{PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use tilthex_link::{Link, VehicleLink};
 
-/// Inertial samples in the link's recorded bytes, chunk by chunk with the time at which each was read:
-/// rows of time (s), gyro (rad/s), specific force (m/s^2), IMU axes, (n, 7).
+/// The inertial samples in the recorded bytes of the link. Takes chunks of bytes, each with the time at which it was
+/// read. Returns rows of time (s), gyro (rad/s), specific force (m/s^2), IMU axes, (n, 7).
 #[pyfunction]
 pub(crate) fn read_imu<'py>(
     py: Python<'py>,

@@ -11,9 +11,8 @@ fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
     given.map_or(Ok(Vector3::zeros()), |v| convert::vector(name, v))
 }
 
-/// The commanded set-point of the tool: pose, twist and acceleration of the tool
-/// frame, all in world coordinates, and the wrench it shall exert on the
-/// environment (force N, torque N m, world, about the tip).
+/// The commanded set-point of the tool: pose, twist and acceleration of the tool frame, all in world coordinates, and
+/// the wrench that the tool shall exert on the environment (force N, torque N m, world, about the tip).
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
 pub(crate) struct Setpoint(pub(crate) tilthex_core::Setpoint);
@@ -45,7 +44,7 @@ impl Setpoint {
         }))
     }
 
-    /// Tool tip, m, world, (3,).
+    /// Position of the tool tip, m, world, (3,).
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.position_w.as_slice())
@@ -57,39 +56,39 @@ impl Setpoint {
         array2(py, &self.0.rotation_we)
     }
 
-    /// m/s, world, (3,).
+    /// Velocity of the tool tip, m/s, world, (3,).
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.velocity_w.as_slice())
     }
 
-    /// rad/s, world, (3,).
+    /// Angular velocity, rad/s, world, (3,).
     #[getter]
     fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_velocity_w.as_slice())
     }
 
-    /// m/s^2, world, (3,).
+    /// Acceleration of the tool tip, m/s^2, world, (3,).
     #[getter]
     fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.acceleration_w.as_slice())
     }
 
-    /// rad/s^2, world, (3,).
+    /// Angular acceleration, rad/s^2, world, (3,).
     #[getter]
     fn angular_acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_acceleration_w.as_slice())
     }
 
-    /// Wrench the tool shall exert on the environment, world, (6,).
+    /// The wrench that the tool shall exert on the environment, world, (6,).
     #[getter]
     fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wrench_array(py, &self.0.wrench_w)
     }
 }
 
-/// The reference of the centre of mass: the pose controller's reference.
-/// Angular rates are in the reference's own body coordinates.
+/// The reference of the centre of mass, which the pose controller follows. Angular rates are in the body coordinates
+/// of the reference.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
 pub(crate) struct Reference(pub(crate) tilthex_core::Reference);
@@ -118,7 +117,7 @@ impl Reference {
         }))
     }
 
-    /// Centre of mass, m, world, (3,).
+    /// Position of the centre of mass, m, world, (3,).
     #[getter]
     fn position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.position_w.as_slice())
@@ -130,25 +129,25 @@ impl Reference {
         array2(py, &self.0.rotation_wr)
     }
 
-    /// m/s, world, (3,).
+    /// Velocity of the centre of mass, m/s, world, (3,).
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.velocity_w.as_slice())
     }
 
-    /// rad/s, reference body, (3,).
+    /// Angular velocity, rad/s, reference body, (3,).
     #[getter]
     fn angular_velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_velocity_r.as_slice())
     }
 
-    /// m/s^2, world, (3,).
+    /// Acceleration of the centre of mass, m/s^2, world, (3,).
     #[getter]
     fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.acceleration_w.as_slice())
     }
 
-    /// rad/s^2, reference body, (3,).
+    /// Angular acceleration, rad/s^2, reference body, (3,).
     #[getter]
     fn angular_acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_acceleration_r.as_slice())

@@ -1,4 +1,4 @@
-//! `tilthex._core.simulate`: a closed loop with the GIL released.
+//! `tilthex._core.simulate`: a closed loop, simulated with the GIL released.
 
 use crate::{config::Config, convert, setpoint::Setpoint, trajectory::Trajectory, truth};
 use numpy::{PyArray1, PyArrayMethods};
@@ -11,8 +11,8 @@ use tilthex_sim::{
     simulate::{Scenario, Start, run},
 };
 
-/// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`.
-/// Returns a dict of (N, k) arrays, one row a control period of 2 ms.
+/// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`. Returns a dict of (N, k)
+/// arrays, one row per control period of 2 ms.
 #[pyfunction]
 #[pyo3(signature = (
     config, *, duration, setpoint=None, trajectory=None, pushes=None, noise=1.0, gyro_bias=None,
@@ -39,7 +39,11 @@ pub(crate) fn simulate<'py>(
     let trajectory = match (setpoint, trajectory) {
         (Some(Setpoint(s)), None) => tilthex_core::trajectory::Trajectory::hold(s.position_w, s.rotation_we),
         (None, Some(Trajectory(t))) => t,
-        _ => return Err(PyValueError::new_err("expected one of setpoint and trajectory")),
+        _ => {
+            return Err(PyValueError::new_err(
+                "setpoint and trajectory are both given or both missing; expected exactly one of them",
+            ));
+        }
     };
     let start = match start {
         "air" => Start::Air(trajectory),
@@ -87,7 +91,7 @@ fn push(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Push> {
     Ok(push)
 }
 
-/// The experiments' noise times `scale`, and biases.
+/// The noise of the experiments times `scale`, and biases.
 fn sensors(
     scale: f64,
     gyro_bias: Option<&Bound<'_, PyAny>>,

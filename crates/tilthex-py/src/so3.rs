@@ -12,7 +12,7 @@ fn hat<'py>(a: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     array2(a.py(), &so3::hat(&vector("a", a)?))
 }
 
-/// Inverse of `hat`, (3,); of a matrix that is not skew, that of its skew part.
+/// Inverse of `hat`, (3,). For a matrix that is not skew-symmetric, the inverse of `hat` for its skew-symmetric part.
 #[pyfunction]
 fn vee<'py>(m: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     Ok(array1(m.py(), so3::vee(&matrix("m", m)?).as_slice()))
@@ -24,7 +24,7 @@ fn exp<'py>(v: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
     array2(v.py(), &so3::exp(&vector("v", v)?))
 }
 
-/// The rotation vector of a rotation, rad, (3,), with an angle in [0, pi].
+/// The rotation vector of a rotation, rad, (3,), with a norm in [0, pi].
 #[pyfunction]
 fn log<'py>(r: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
     Ok(array1(r.py(), so3::log(&rotation("r", r)?).as_slice()))

@@ -14,12 +14,10 @@ use tilthex_core::{
     trajectory::{Limits, Trajectory as Checked, Waypoint},
 };
 
-/// 6-D way-points of the tool, joined by quintics from rest to rest.
-///
-/// Each way-point is a dict: `position` (3,), m, world; and where they are
-/// not the default: `rotation` (3, 3), `wrench` (6,) that the tool shall exert,
-/// `duration`, the shortest time of the way there, s, and `hold`, s. Limits in
-/// m/s, m/s^2, rad/s and rad/s^2 make a way longer than its duration.
+/// Way-points of the tool in six dimensions, joined by quintic polynomials that begin and end at rest.
+/// Each way-point is a dict with `position` (3,), m, world. These keys are optional: `rotation` (3, 3); `wrench` (6,)
+/// that the tool shall exert; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
+/// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
 pub(crate) struct Trajectory(pub(crate) Checked);
@@ -48,30 +46,30 @@ impl Trajectory {
         Ok(Self(Checked::new(*start, rest, &limits).map_err(convert::value_error)?))
     }
 
-    /// Time of its end, the last hold included, s.
+    /// Time of the end, with the last hold, s.
     #[getter]
     fn duration(&self) -> f64 {
         self.0.duration()
     }
 
-    /// Times at which the ways to the second way-point and those after it begin, s.
+    /// Times at which the motions to the second and all later way-points begin, s.
     #[getter]
     fn begins<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, &self.0.begins().collect::<Vec<_>>())
     }
 
-    /// The set-point at `time` seconds from its start; its ends are held.
+    /// The set-point at `time` seconds from the start. Before the start it is the first one, after the end the last
+    /// one.
     fn sample(&self, time: f64) -> PyResult<Setpoint> {
         Ok(Setpoint(self.0.sample(convert::number("time", time, -1e12, 1e12)?)))
     }
 }
 
-/// The contact-free flight that shows the errors of a vehicle's model: a level hover with the tool at `position` (3,), m,
-/// world, and a `heading`, rad, then three hovers about the same centre of mass, tilted by 10 to 15 degrees in
-/// directions 120 degrees apart, and back.
-///
-/// Fly it with `learn_model=True` in every `Loop.step`, half a metre from anything the tool could touch. A vehicle that
-/// hovers in one attitude only, or whose rotors have no room for a tilt, gets the hovers that it can fly.
+/// The contact-free flight that shows the errors of a vehicle's model. It begins and ends with a level hover with the
+/// tool at `position` (3,), m, world, and a `heading`, rad. Between them are three hovers about the same centre of
+/// mass, tilted by 10 to 15 degrees in directions 120 degrees apart.
+/// Fly it with `learn_model=True` in every `Loop.step`, at least half a metre from anything that the tool could
+/// touch. A vehicle that hovers only level, or whose rotors cannot produce a tilt, gets the hovers that it can fly.
 #[pyfunction]
 #[pyo3(signature = (vehicle, position, heading=0.0))]
 pub(crate) fn calibration_flight(

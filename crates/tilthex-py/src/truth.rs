@@ -1,4 +1,4 @@
-//! `tilthex.Truth` and what is drawn from it.
+//! `tilthex.Truth`, and the vehicle that is drawn from it.
 
 use crate::{
     convert::{self, array1},
@@ -18,14 +18,14 @@ use tilthex_core::{
     },
 };
 
-/// In what the simulated vehicle differs from the model that the controller has.
+/// How the simulated vehicle differs from the model of the controller.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Truth {
     model: Vehicle,
     section: TruthSection,
 }
 
-/// A `[truth]` table by what a user may give for one: nothing, a level, the path of a TOML file, or a dict.
+/// The `[truth]` table of an argument: nothing, a level, the path of a TOML file, or a dict.
 pub(crate) fn section(truth: Option<&Bound<'_, PyAny>>) -> PyResult<TruthSection> {
     let Some(given) = truth else { return Ok(TruthSection::default()) };
     if let Ok(dict) = given.cast::<PyDict>() {
@@ -59,13 +59,13 @@ impl Truth {
         tilthex_config::truth::LEVELS.iter().map(|l| l.0).collect()
     }
 
-    /// What it is called.
+    /// The name of the truth.
     #[getter]
     fn name(&self) -> &str {
         self.section.name()
     }
 
-    /// What is true for a seed.
+    /// Draws a vehicle with a seed.
     fn draw(&self, seed: u64) -> PyResult<Drawn> {
         Ok(Drawn { is: self.section.draw(&self.model.section, seed).map_err(convert::config_error)? })
     }
@@ -75,7 +75,7 @@ impl Truth {
     }
 }
 
-/// What is true for one seed: the vehicle, what acts on it, its sensors and delays.
+/// The properties that were drawn for one seed: the vehicle, the effects on it, its sensors and delays.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Drawn {
     pub(crate) is: TrueVehicle,
@@ -83,7 +83,7 @@ pub(crate) struct Drawn {
 
 #[pymethods]
 impl Drawn {
-    /// The seed it was drawn with.
+    /// The seed with which it was drawn.
     #[getter]
     fn seed(&self) -> u64 {
         self.is.seed
@@ -101,14 +101,14 @@ impl Drawn {
         array1(py, self.is.centre_of_mass_r.as_slice())
     }
 
-    /// What acts on the vehicle, at its start; the gusts are those of the seed.
+    /// The effects on the vehicle, at its start, with the gusts of the seed.
     fn effects(&self) -> Effects {
         let block = self.is.effects;
         let vehicle = *self.is.vehicle.vehicle();
         Effects { vehicle, block, state: EffectsState::new(&block, self.is.seed) }
     }
 
-    /// The errors of its sensors beside noise, at their start.
+    /// The errors of its sensors, apart from noise, at its start.
     fn sensor_errors(&self) -> SensorErrors {
         let params = self.is.sensors(&SensorParams::IDEAL);
         let noiseless = SensorParams {
@@ -129,8 +129,8 @@ impl Drawn {
         }
     }
 
-    /// Noise and delays that were set, as a dict: `position`, `orientation`, `gyro`, `accelerometer`,
-    /// `rotor_speed`, `pose_delay`, `pose_jitter`; what is absent is the simulating program's own.
+    /// Noise and delays that the truth sets, as a dict: `position`, `orientation`, `gyro`, `accelerometer`,
+    /// `rotor_speed`, `pose_delay`, `pose_jitter`. For a missing key the simulating program uses its own value.
     #[getter]
     fn noise<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let unset = SensorParams {
@@ -159,13 +159,13 @@ impl Drawn {
         Ok(out)
     }
 
-    /// Stiffness, N/m, and length, m, of the tool's rod; a stiffness of 0 is a rigid one.
+    /// Stiffness, N/m, and length, m, of the tool's rod. A stiffness of 0 stands for a rigid rod.
     #[getter]
     fn rod(&self) -> (f64, f64) {
         (self.is.effects.rod.stiffness, self.is.effects.rod.length)
     }
 
-    /// What was drawn, as TOML: the vehicle and every section, each key with its meaning and unit.
+    /// The drawn properties as TOML: the vehicle and every section, each key with its meaning and unit.
     fn to_toml(&self) -> String {
         self.is.to_toml()
     }
@@ -176,7 +176,7 @@ impl Drawn {
     }
 }
 
-/// What acts on a vehicle beside its rotors' nominal wrench and its weight.
+/// The effects on a vehicle in addition to the nominal wrench of its rotors and its weight.
 #[pyclass(module = "tilthex")]
 pub(crate) struct Effects {
     vehicle: tilthex_core::Vehicle,
@@ -186,7 +186,7 @@ pub(crate) struct Effects {
 
 #[pymethods]
 impl Effects {
-    /// Whether nothing acts: neither on the airframe nor on what the motors make of a command.
+    /// Whether there is no effect, neither on the airframe nor on the motors.
     #[getter]
     fn off(&self) -> bool {
         self.block.are_off() && self.block.throttle_voltage == 0.0
@@ -204,7 +204,7 @@ impl Effects {
         self.state.battery.voltage()
     }
 
-    /// The speeds that the motors drive their rotors to under a command, Hz, (n,).
+    /// The speeds to which the motors drive their rotors under a command, Hz, (n,).
     fn reached<'py>(
         &self,
         py: Python<'py>,
@@ -215,7 +215,7 @@ impl Effects {
         Ok(array1(py, &self.block.reached(&self.state, &command).as_slice()[..count]))
     }
 
-    /// The wrench on the airframe in a state, in addition to the rotors' nominal one, (6,): force in world,
+    /// The wrench on the airframe in a state, in addition to the nominal wrench of the rotors, (6,): force in world,
     /// torque in robot coordinates, at the centre of mass. Then `dt` seconds pass.
     #[expect(clippy::too_many_arguments, reason = "a state")]
     fn step<'py>(
@@ -249,8 +249,8 @@ impl Effects {
     }
 }
 
-/// The errors of a vehicle's sensors beside noise: biases, scale and axes of the gyroscope, vibration, the
-/// age of the rotor speeds, and where the captured body sits.
+/// The errors of a vehicle's sensors, apart from noise: biases, scale and axes of the gyroscope, vibration, the age
+/// of the rotor speeds, and the place of the captured body.
 #[pyclass(module = "tilthex")]
 pub(crate) struct SensorErrors {
     plant: PlantBlock,
@@ -269,7 +269,7 @@ impl SensorErrors {
         array1(py, self.params.captured_r.as_slice())
     }
 
-    /// What stays as it was drawn, (17,): bias of the gyroscope, rad/s, and of the accelerometer, m/s^2, scale and
+    /// The constant errors, (17,): bias of the gyroscope, rad/s, and of the accelerometer, m/s^2, scale and
     /// misalignment of the gyroscope (3 each, IMU axes), vibration, m/s^2, the captured point (3), m, the age of the
     /// rotor speeds, s.
     #[getter]
@@ -285,13 +285,13 @@ impl SensorErrors {
         array1(py, &all)
     }
 
-    /// Whether the errors depend on how the rotors turned before, so that [`SensorErrors.step`] is needed.
+    /// Whether the errors depend on earlier rotor speeds, so that [`SensorErrors.step`] is needed.
     #[getter]
     fn remembers(&self) -> bool {
         self.params.vibration != 0.0 || self.params.rotor_speed_age != 0.0
     }
 
-    /// Lets `dt` seconds pass that end at rotor speeds, Hz, (n,).
+    /// Lets `dt` seconds pass, at the end of which the rotors have these speeds, Hz, (n,).
     fn step(&mut self, rotor_speeds: &Bound<'_, PyAny>, dt: f64) -> PyResult<()> {
         let count = self.plant.vehicle().rotor_count();
         self.state.rotor_speeds = convert::rotors("rotor_speeds", rotor_speeds, count)?;
@@ -299,7 +299,8 @@ impl SensorErrors {
         Ok(())
     }
 
-    /// What the gyroscope, rad/s, and the accelerometer, m/s^2, say where perfect ones say this; IMU axes, (3,).
+    /// The values of gyroscope, rad/s, and accelerometer, m/s^2, if perfect sensors have these values; IMU axes,
+    /// (3,).
     fn imu<'py>(
         &mut self,
         py: Python<'py>,

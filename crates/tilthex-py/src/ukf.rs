@@ -1,4 +1,4 @@
-//! `tilthex.Ukf` and what its `run` returns.
+//! `tilthex.Ukf` and the return value of its `run`.
 
 use crate::{
     config::Config,
@@ -40,7 +40,7 @@ impl Ukf {
         self.block.initialize(time, &position, &rotation).map_err(value_error)
     }
 
-    /// The same for a vehicle at rest, with the biases that the samples so far show.
+    /// Starts from a pose of a vehicle at rest, with the biases that the samples up to now show.
     fn initialize_at_rest(
         &mut self,
         time: f64,
@@ -66,8 +66,8 @@ impl Ukf {
         Ok(())
     }
 
-    /// Takes a pose of the captured body, captured at `time` and there at `arrival`
-    /// (s; the same if not given). Returns what became of it.
+    /// Takes a pose of the captured body that was captured at `time` and arrived at `arrival` (s; equal to `time` if
+    /// not given). Returns the outcome.
     #[pyo3(signature = (time, position, rotation, *, arrival=None))]
     fn update_pose(
         &mut self,
@@ -86,14 +86,12 @@ impl Ukf {
         Ok(self.block.update_pose(&pose).name())
     }
 
-    /// Runs a whole recording as the vehicle would have seen it: samples in their order, each
-    /// pose as soon as it has arrived. The first pose starts the filter if nothing has.
-    ///
-    /// imu_time (n,) s, gyro (n, 3) rad/s, specific_force (n, 3) m/s^2; pose_time (m,) s,
-    /// position (m, 3) m, rotation (m, 3, 3); pose_arrival_time (m,) s, without it poses are
-    /// there when they are taken. Poses with NaN count as invalid; rotations may be rounded (to 1e-3).
-    /// Readings that look like other units are refused with a question. `covariance=False` saves the room
-    /// of n 15x15 matrices.
+    /// Runs a whole recording in the order in which a vehicle would have seen it: samples in their order, each pose
+    /// as soon as it has arrived. If the filter has not started, the first pose starts it.
+    /// imu_time (n,) s, gyro (n, 3) rad/s, specific_force (n, 3) m/s^2; pose_time (m,) s, position (m, 3) m, rotation
+    /// (m, 3, 3); pose_arrival_time (m,) s, equal to pose_time if not given. Poses with NaN count as invalid.
+    /// Rotations may be rounded (to 1e-3). Values that look like other units are refused with a question.
+    /// `covariance=False` saves the memory of n 15x15 matrices.
     #[pyo3(signature = (imu_time, gyro, specific_force, pose_time, position, rotation,
                         pose_arrival_time=None, *, covariance=true))]
     #[allow(clippy::too_many_arguments)]
@@ -129,7 +127,7 @@ impl Ukf {
         units::question(&imu_time, &gyro, &specific_force)?;
         let pose = |k: usize| -> PyResult<PoseSample> {
             let rotation = Matrix3::from_row_slice(&rotation[9 * k..9 * k + 9]);
-            // A NaN marks a pose that is none.
+            // A pose with a NaN is not a pose.
             let known = rotation.iter().all(|x| x.is_finite());
             Ok(PoseSample {
                 time: pose_time[k],
@@ -162,7 +160,7 @@ impl Ukf {
         array1(py, self.block.robot_state().position_w.as_slice())
     }
 
-    /// Its velocity, m/s, world, (3,).
+    /// Velocity of the centre of mass, m/s, world, (3,).
     #[getter]
     fn velocity<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.block.robot_state().velocity_w.as_slice())
@@ -198,8 +196,8 @@ impl Ukf {
         array1(py, self.block.accelerometer_bias().as_slice())
     }
 
-    /// Covariance of (position, velocity, rotation, gyro bias, accelerometer bias), (15, 15);
-    /// the first three in world axes.
+    /// Covariance of (position, velocity, rotation, gyro bias, accelerometer bias), (15, 15). Position, velocity and
+    /// rotation are in world axes.
     #[getter]
     fn covariance<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         array2(py, &self.block.covariance())
@@ -255,14 +253,14 @@ fn finite(name: &str, value: f64) -> PyResult<f64> {
     convert::number(name, value, f64::MIN, f64::MAX)
 }
 
-/// Inertial samples, row by row.
+/// The inertial samples of a run, row by row.
 struct Samples<'a> {
     time: &'a [f64],
     gyro: &'a [f64],
     specific_force: &'a [f64],
 }
 
-/// Rows of what a run has estimated.
+/// The estimates of a run, row by row.
 #[derive(Default)]
 struct Tracks {
     position: Vec<f64>,
@@ -346,12 +344,12 @@ fn run(estimator: &mut Estimator, samples: &Samples<'_>, poses: &[PoseSample], c
     tracks
 }
 
-/// What a run has estimated at every inertial sample, and what every pose showed.
+/// The estimates of a run at every inertial sample, and the innovation and outcome of every pose.
 #[pyclass(frozen, get_all, module = "tilthex")]
 pub(crate) struct UkfRun {
     /// Position of the centre of mass, m, world, (n, 3).
     position: Py<PyArrayDyn<f64>>,
-    /// Its velocity, m/s, world, (n, 3).
+    /// Velocity of the centre of mass, m/s, world, (n, 3).
     velocity: Py<PyArrayDyn<f64>>,
     /// Rotations R_WR, (n, 3, 3).
     rotation: Py<PyArrayDyn<f64>>,
@@ -363,11 +361,11 @@ pub(crate) struct UkfRun {
     covariance: Option<Py<PyArrayDyn<f64>>>,
     /// Innovations of the IMU's pose: position in m, rotation in rad, world, (m, 6); NaN where not applied.
     innovation: Py<PyArrayDyn<f64>>,
-    /// Their predicted standard deviations, (m, 6).
+    /// Predicted standard deviations of the innovations, (m, 6).
     innovation_deviation: Py<PyArrayDyn<f64>>,
     /// Normalised innovation squared, chi-square with 6 degrees of freedom, (m,).
     nis: Py<PyArrayDyn<f64>>,
-    /// What became of each pose.
+    /// The outcome of each pose.
     outcome: Vec<&'static str>,
 }
 

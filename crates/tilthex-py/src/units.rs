@@ -1,16 +1,17 @@
-//! Readings that look like other units than those that are expected.
+//! Recognises values that are probably in other units than the expected ones.
 
 use crate::convert;
 use pyo3::{exceptions::PyValueError, prelude::*};
 
-/// The fastest gyro turns at 2000 degrees per second, 35 rad/s.
+/// Above this rate, rad/s, the unit is probably wrong: the fastest gyro measures 2000 degrees per second, 35 rad/s.
 const FASTEST: f64 = 40.0;
-/// Specific forces in g are about 1 where a vehicle rests or hovers, and hardly ever so in m/s^2.
+/// Specific forces in g are about 1 if a vehicle rests or hovers; specific forces in m/s^2 are rarely in this range.
 const IN_G: (f64, f64) = (0.7, 1.4);
-/// An IMU reads more often than once a second.
+/// The longest period of an IMU, s.
 const LONGEST: f64 = 1.0;
 
-/// Asks where times (s), rates (rad/s) or specific forces (m/s^2) can hardly be in these units.
+/// Returns an error with a question if times (s), rates (rad/s) or specific forces (m/s^2) are probably in other
+/// units.
 pub(crate) fn question(time: &[f64], gyro: &[f64], specific_force: &[f64]) -> PyResult<()> {
     let steps = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let ask = |text: String| Err(PyValueError::new_err(text));
@@ -32,7 +33,7 @@ fn norms(rows: &[f64]) -> Vec<f64> {
     rows.chunks_exact(3).map(|row| row.iter().map(|x| x * x).sum::<f64>().sqrt()).collect()
 }
 
-/// The value below which this share of the finite ones lies. None where there are none.
+/// The quantile of the finite values at a share from 0 to 1. None if there is no finite value.
 fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.retain(|x| x.is_finite());
     values.sort_by(f64::total_cmp);
@@ -40,7 +41,8 @@ fn quantile(mut values: Vec<f64>, share: f64) -> Option<f64> {
     values.get(place.min(values.len().saturating_sub(1))).copied()
 }
 
-/// Asks where times (s), rates (rad/s) or specific forces (m/s^2) can hardly be in these units.
+/// Raises `ValueError` with a question if times (s), rates (rad/s) or specific forces (m/s^2) are probably in other
+/// units.
 #[pyfunction]
 pub(crate) fn question_units(
     imu_time: &Bound<'_, PyAny>,

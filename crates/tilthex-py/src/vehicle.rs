@@ -26,13 +26,13 @@ impl Vehicle {
 
 #[pymethods]
 impl Vehicle {
-    /// The vehicle of that name; `Vehicle.presets()` lists them.
+    /// The preset with this name; `Vehicle.presets()` lists the names.
     #[staticmethod]
     fn preset(name: &str) -> PyResult<Self> {
         Ok(Self { section: VehicleSection::preset(name).map_err(convert::config_error)? })
     }
 
-    /// A preset by its name, or the vehicle of a file whose name ends in `.toml`.
+    /// A preset by its name, or the vehicle in a file whose name ends in `.toml`.
     #[staticmethod]
     fn named(name: &str) -> PyResult<Self> {
         if name.ends_with(".toml") { Self::from_toml(PathBuf::from(name)) } else { Self::preset(name) }
@@ -57,13 +57,13 @@ impl Vehicle {
         Ok(Self { section: VehicleSection::from_table(table, Path::new("")).map_err(convert::config_error)? })
     }
 
-    /// What it is called.
+    /// The name of the vehicle.
     #[getter]
     fn name(&self) -> &str {
         self.section.name()
     }
 
-    /// Mass of vehicle and tool, kg.
+    /// Mass of the vehicle with its tool, kg.
     #[getter]
     fn mass(&self) -> f64 {
         self.core().mass()
@@ -85,7 +85,7 @@ impl Vehicle {
         array1(py, &numbers).reshape([6, count])
     }
 
-    /// Tool tip from the centre of mass, robot frame, m, (3,).
+    /// Position of the tool tip from the centre of mass, robot frame, m, (3,).
     #[getter]
     fn tool_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.core().tool().position_r.as_slice())
@@ -97,7 +97,7 @@ impl Vehicle {
         array2(py, &self.core().tool().rotation_r)
     }
 
-    /// IMU from the centre of mass, robot frame, m, (3,).
+    /// Position of the IMU from the centre of mass, robot frame, m, (3,).
     #[getter]
     fn imu_position<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.core().imu().position_r.as_slice())
@@ -141,12 +141,12 @@ impl Vehicle {
         self.core().rotors().iter().map(rotor).collect()
     }
 
-    /// The `[vehicle]` section as TOML, complete, every key with its meaning and unit; `from_toml` reads it.
+    /// The complete `[vehicle]` section as TOML, every key with its meaning and unit. `from_toml` reads it.
     fn to_toml(&self) -> String {
         self.section.to_toml()
     }
 
-    /// The same with some keys changed: `vehicle.replace(mass=2.5, tool_position=[0.1, 0.0, -0.4])`.
+    /// A copy with some keys changed: `vehicle.replace(mass=2.5, tool_position=[0.1, 0.0, -0.4])`.
     #[pyo3(signature = (**keys))]
     fn replace(&self, keys: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let table = keys.map_or_else(|| Ok(toml::Table::new()), |k| convert::table("keys", k))?;
@@ -178,8 +178,8 @@ impl Vehicle {
         Ok(array1(py, &self.core().hover_speeds(&r).as_slice()[..self.core().rotor_count()]))
     }
 
-    /// The wrench at the tool tip, world, (6,), of one at the centre of mass
-    /// (force in world, torque in robot coordinates) at an orientation `R_WR`; (25).
+    /// The wrench at the tool tip, world, (6,), that is equal to a wrench at the centre of mass (force in world,
+    /// torque in robot coordinates) at an orientation `R_WR`; (25).
     fn tool_wrench<'py>(
         &self,
         wrench: &Bound<'py, PyAny>,
@@ -189,7 +189,7 @@ impl Vehicle {
         Ok(convert::wrench_array(wrench.py(), &tool_wrench(&w, &r, &self.core().tool().position_r)))
     }
 
-    /// The wrench at the centre of mass, (6,), of one at the tool tip, world; (18).
+    /// The wrench at the centre of mass, (6,), that is equal to a wrench at the tool tip, world; (18).
     fn robot_wrench<'py>(
         &self,
         wrench: &Bound<'py, PyAny>,
@@ -200,15 +200,13 @@ impl Vehicle {
     }
 
     /// The vehicle as a MuJoCo model, XML text: rotors as actuators with u = w |w|, Hz^2, as control.
-    ///
-    /// As `tilthex.mjcf.to_mjcf`, which also places it in a world.
+    /// It calls `tilthex.mjcf.to_mjcf`, which can also place the vehicle in a world.
     fn to_mjcf(this: Bound<'_, Self>) -> PyResult<String> {
         this.py().import("tilthex.mjcf")?.call_method1("to_mjcf", (this,))?.extract()
     }
 
     /// The body wrenches that the rotors can produce within their limits, or a section of them.
-    ///
-    /// As `tilthex.polytope.wrench_polytope`, whose arguments these are.
+    /// It calls `tilthex.polytope.wrench_polytope` with these arguments.
     #[pyo3(signature = (hover=false, fix=None, lost=None, rotation=None))]
     fn wrench_polytope<'py>(
         this: Bound<'py, Self>,

@@ -1,4 +1,4 @@
-//! What the flight board sits on: the body that its rotors move, and what touches it.
+//! The body that carries the flight board, with its rotors, and the wrenches of its environment.
 
 use tilthex_core::{
     RobotState, RotorVector, Vector3, Wrench,
@@ -8,81 +8,80 @@ use tilthex_core::{
 use super::{Pushes, ground::Ground};
 use crate::{Nanos, SimError};
 
-/// Steps of the own body in one cycle while its feet may touch the ground.
+/// Steps of [`Own`] in one cycle while its feet may touch the ground.
 const CONTACT_STEPS: usize = 4;
 
 /// One cycle of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cycle {
-    /// Its end: of the monotonic clock behind a pseudo-terminal, otherwise since power-on, ns.
+    /// End of the cycle, ns: on the monotonic clock behind a pseudo-terminal, otherwise since power-on.
     pub at: Nanos,
-    /// Its length, s.
+    /// Length of the cycle, s.
     pub dt: f64,
-    /// Its end since a motor was first started, s.
+    /// End of the cycle, s since the first motor was started.
     pub since_start: Option<f64>,
 }
 
-/// A body in its world. What it says of itself is true; noise is the sensors'.
+/// A body in its world. All values are true values; the sensors add the noise.
 pub trait Body {
-    /// Moves on by one cycle under the speeds that the motors drive their rotors to, Hz.
+    /// Moves by one cycle. `commands` are the speeds to which the motors drive their rotors, Hz.
     fn advance(&mut self, cycle: &Cycle, commands: &RotorVector);
 
     /// Pose, twist and rotor speeds.
     fn state(&self) -> &PlantState;
 
-    /// What a perfect IMU says of the cycle, IMU axes.
+    /// The values that a perfect IMU measures in the cycle, IMU axes.
     fn imu(&self) -> ImuSample;
 
-    /// What touches the tool, world, at its tip.
+    /// The wrench of the environment on the tool, world, at its tip.
     fn tool_wrench_w(&self) -> Wrench;
 
-    /// Everything but rotors and weight: force W, torque R about the centre of mass.
+    /// The wrench of everything except rotors and weight: force W, torque R about the centre of mass.
     fn external(&self) -> Wrench;
 
-    /// Whether it lies still, no higher than where it started from.
+    /// Whether it is at rest, not higher than its starting height.
     fn rests(&self) -> bool;
 
-    /// Whether it has stopped moving for good; [`Self::finish`] says why.
+    /// Whether it can no longer move; [`Self::finish`] says why.
     fn failed(&self) -> bool {
         false
     }
 
     /// Ends its world.
-    ///
     /// # Errors
-    /// One sentence, where it had failed or does not end well.
+    /// One sentence, if the world had failed or does not end properly.
     fn finish(&mut self) -> Result<(), SimError> {
         Ok(())
     }
 }
 
-/// The plant of the core on flat ground, with pushes at its tool and damage to its rotors.
+/// The plant of the core on flat ground, with pushes on its tool and damage to its rotors.
 #[derive(Clone, Debug)]
 pub struct Own {
     plant: Plant,
     state: PlantState,
-    /// Flat ground at z = 0; none far above it.
+    /// Flat ground at z = 0; `None` for a body that flies high above it.
     ground: Option<Ground>,
     pushes: Pushes,
     external: Wrench,
     tool_wrench_w: Wrench,
-    /// Part of each rotor's speed that its motor reaches.
+    /// Fraction of the commanded speed that each motor reaches.
     pub(super) health: RotorVector,
-    /// Part of its thrust that each rotor has.
+    /// Fraction of its thrust that each rotor has.
     pub(super) thrust: RotorVector,
-    /// 1 where a rotor turns the other way, with the propeller for it.
+    /// 1 if a rotor turns in the opposite direction, with a propeller for that direction; otherwise 0.
     pub(super) reversed: RotorVector,
-    /// What presses on the tool (world, at its tip) beside the pushes.
+    /// The wrench on the tool (world, at its tip) in addition to the pushes.
     pub(super) pressed_tool_w: Wrench,
-    /// What presses on the body: force W, torque R about the centre of mass.
+    /// The wrench on the body: force W, torque R about the centre of mass.
     pub(super) pressed: Wrench,
 }
 
 impl Own {
-    /// It stands on the ground over the origin, rotors still; `seed` chooses the gusts.
+    /// A body that stands on the ground at the origin with its rotors still; `seed` is the seed of the gusts.
     #[must_use]
     pub fn new(plant: Plant, pushes: Pushes, seed: u64) -> Self {
-        // Legs that keep the tool off the ground, or at least some way under the body.
+        // The legs keep the tool off the ground, and are at least 0.15 m long.
         let leg = (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05;
         let mut body = Self {
             plant,
@@ -102,7 +101,7 @@ impl Own {
         body
     }
 
-    /// It hovers in a state, far above any ground; pushes count from power-on.
+    /// A body that hovers in a state, high above the ground. The times of the pushes count from power-on.
     #[must_use]
     pub fn airborne(plant: Plant, pushes: Pushes, state: PlantState, seed: u64) -> Self {
         let effects = EffectsState::new(plant.effects(), seed);
@@ -121,20 +120,20 @@ impl Own {
         }
     }
 
-    /// Lets the legs take the weight.
+    /// Moves the body until the legs carry the weight.
     fn settle(&mut self) {
         for _ in 0..4000 {
             self.step(&RotorVector::zeros(), 0.25e-3);
         }
     }
 
-    /// Takes up what acts on it now, `since_start` (s) after the motors' start, before it moves.
+    /// Updates the wrenches that act now, `since_start` (s) after the start of the motors. The body does not move.
     pub fn feel(&mut self, since_start: Option<f64>) {
         self.tool_wrench_w = self.presses(since_start);
         self.sum_up();
     }
 
-    /// What presses on the tool, world, at its tip.
+    /// The wrench on the tool, world, at its tip.
     fn presses(&self, since_start: Option<f64>) -> Wrench {
         self.pressed_tool_w + since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time))
     }
@@ -151,14 +150,14 @@ impl Own {
         self.plant.step(&mut self.state, &commands, &self.external, dt);
     }
 
-    /// What damaged and reversed rotors do not exert: force W, torque R.
+    /// The part of the nominal wrench that damaged and reversed rotors do not exert: force W, torque R.
     fn lost_thrust(&self) -> Wrench {
         let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
         let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
         let mut body = self.plant.vehicle().body_wrench(&lost);
         for ((rotor, speed), reversed) in self.plant.vehicle().rotors().iter().zip(speeds).zip(&self.reversed)
         {
-            // A drag moment that acts the other way.
+            // The drag moment acts in the opposite direction.
             let moment = rotor.spin * rotor.drag_coefficient * speed * speed.abs();
             body.torque += 2.0 * reversed * moment * rotor.axis_r;
         }

@@ -1,15 +1,15 @@
-//! Why something is not simulated, or ends.
+//! Why a simulation cannot begin, or why it ends.
 
 use std::fmt;
 
-/// Why there is no simulation, in one sentence: what, found, expected, what mends it.
+/// Why there is no simulation. One sentence: what is wrong, what was found, what was expected, how to correct it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SimError {
     /// The request cannot be simulated.
     Refused(String),
-    /// The world behind the simulated vehicle ended, or answered something else.
+    /// The world behind the simulated vehicle ended, or sent an unexpected answer.
     World(String),
-    /// A flight did not go as a flight without faults goes.
+    /// A flight without faults did not reach its mission.
     Flight(String),
 }
 
@@ -19,12 +19,12 @@ impl SimError {
         Self::Refused(sentence.into())
     }
 
-    /// The world behind the simulated vehicle ended, or answered something else.
+    /// The world behind the simulated vehicle ended, or sent an unexpected answer.
     pub fn world(sentence: impl Into<String>) -> Self {
         Self::World(sentence.into())
     }
 
-    /// A flight did not go as a flight without faults goes.
+    /// A flight without faults did not reach its mission.
     pub fn flight(sentence: impl Into<String>) -> Self {
         Self::Flight(sentence.into())
     }

@@ -1,4 +1,4 @@
-//! What a tick of the loop leaves for the log, and the wait-free ring that takes it there.
+//! What each tick of the loop gives to the log, and the wait-free ring that carries it to the recorder.
 
 use std::sync::{
     Arc,
@@ -9,36 +9,36 @@ use rtrb::{Consumer, Producer, RingBuffer};
 use tilthex_core::flight::Record;
 use tilthex_link::{LinkedOutput, Wire};
 
-/// Ticks the ring holds: what a slow disk may cost before the first is lost.
+/// How many ticks the ring holds. If the disk stands still for longer than this, ticks are dropped.
 const RING: usize = 512;
 
-/// How punctual a tick was, ns.
+/// Timing of a tick. Times in ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
-    /// Begin after the deadline.
+    /// From the deadline to the begin of the tick.
     pub wake_latency: u64,
-    /// Begin to the end of the write.
+    /// From the begin of the tick to the end of the write.
     pub compute: u64,
-    /// Since the last begin.
+    /// From the begin of the last tick to the begin of this one.
     pub period: u64,
     /// Whole periods skipped before this tick.
     pub skipped: u64,
-    /// The IMU's bytes found to the command written; 0 where none came.
+    /// From the moment at which the IMU's bytes were found to the end of the command's write; 0 if no bytes came.
     pub imu_to_command: u64,
-    /// Looks at the port before the IMU's bytes were there.
+    /// How often the loop looked at the port before the IMU's bytes were there.
     pub polls: u32,
-    /// Writes that the line did not take whole, total.
+    /// Writes of which the line took only a part, since the begin of the flight.
     pub short_writes: u64,
 }
 
 /// What the loop hands to the recorder.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Tick {
-    /// What the flight took in and did.
+    /// The inputs and outputs of the flight.
     pub record: Record,
     /// The bytes of its link.
     pub wire: Wire,
-    /// How punctual it was.
+    /// The timing of the tick.
     pub timing: Timing,
 }
 
@@ -50,7 +50,7 @@ impl Tick {
     }
 }
 
-/// What became of the ticks, for whoever asks.
+/// How many ticks were lost, for the loop and the recorder.
 #[derive(Debug, Default)]
 pub struct Fate {
     /// Ticks that found the ring full.
@@ -67,27 +67,26 @@ pub struct Feed {
 }
 
 impl Feed {
-    /// A ring by itself, and its far end.
+    /// A ring with its own counters, and the recorder's end of it.
     #[must_use]
     pub fn ring() -> (Self, Consumer<Tick>) {
         Self::of(Arc::default())
     }
 
-    /// The same, whose losses are counted in `fate`.
+    /// A ring whose losses are counted in `fate`, and the recorder's end of it.
     #[must_use]
     pub fn of(fate: Arc<Fate>) -> (Self, Consumer<Tick>) {
         let (ring, ticks) = RingBuffer::new(RING);
         (Self { ring, fate }, ticks)
     }
 
-    /// Ticks that did not fit so far.
+    /// How many ticks did not fit into the ring.
     #[must_use]
     pub fn dropped(&self) -> u64 {
         self.fate.dropped.load(Ordering::Relaxed)
     }
 
-    /// Hands a tick over, or counts it as dropped where the ring is full.
-    /// Wait-free; safe in the loop.
+    /// Puts a tick into the ring. If the ring is full, counts the tick as dropped. Wait-free; safe in the loop.
     pub fn push(&mut self, tick: &Tick) {
         match self.ring.write_chunk_uninit(1) {
             Ok(chunk) => {

@@ -1,5 +1,5 @@
-//! The ground under the simulated vehicle: four feet, and the outline of the body for one that
-//! lies on it otherwise, with springs, dampers and friction.
+//! The ground under the simulated vehicle, with springs, dampers and friction. It touches the four feet, and the
+//! outline of the body if the vehicle lies on its side or upside down.
 
 use tilthex_core::{RobotState, Vector3, Wrench};
 
@@ -7,7 +7,7 @@ use tilthex_core::{RobotState, Vector3, Wrench};
 const STANCE: f64 = 0.3;
 /// Half the width of the body, m.
 const BODY: f64 = 0.4;
-/// Height of its top over the centre of mass, m.
+/// Height of the body's top above the centre of mass, m.
 const TOP: f64 = 0.1;
 /// Stiffness of a foot, N/m.
 const STIFFNESS: f64 = 3000.0;
@@ -15,13 +15,13 @@ const STIFFNESS: f64 = 3000.0;
 const DAMPING: f64 = 40.0;
 /// Friction coefficient.
 const FRICTION: f64 = 0.6;
-/// A foot that slides slower than friction stops it sticks like this, N s/m.
+/// Friction of a foot that slides slowly, N s/m: below the friction limit the force is proportional to the speed.
 const STICKING: f64 = 20.0;
 
 /// Flat ground at z = 0 and the legs of the vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
-    /// Height of the centre of mass over the feet, m.
+    /// Height of the centre of mass above the feet, m.
     pub leg: f64,
 }
 
@@ -32,7 +32,7 @@ impl Ground {
         state.position_w.z < self.leg + STANCE + 0.1
     }
 
-    /// Where the vehicle may touch the ground, from the centre of mass, R.
+    /// The points at which the vehicle can touch the ground, from the centre of mass, R, m.
     fn contacts(&self) -> [Vector3; 9] {
         let (s, l, b) = (STANCE, -self.leg, BODY);
         [
@@ -48,7 +48,7 @@ impl Ground {
         ]
     }
 
-    /// What the ground exerts on the vehicle: force W, torque R about the centre of mass.
+    /// The wrench of the ground on the vehicle: force W, torque R about the centre of mass.
     #[must_use]
     pub fn wrench(&self, state: &RobotState) -> Wrench {
         let mut total = Wrench::ZERO;

@@ -1,5 +1,5 @@
-//! The simulated vehicle: its body, its sensors and its flight board, on
-//! virtual time: [`Simulation`]. No operating system: no clock, no sockets, no terminals.
+//! The simulated vehicle on virtual time ([`Simulation`]): its body, its sensors and its flight board. It uses no
+//! clock, no socket and no terminal.
 
 pub mod body;
 pub mod campaign;
@@ -36,14 +36,14 @@ pub struct SimulationParams {
     pub sensors: SensorParams,
     /// Its flight board.
     pub firmware: FirmwareParams,
-    /// What pushes its tool.
+    /// Pushes on its tool.
     pub pushes: Pushes,
-    /// Chooses the noise.
+    /// Seed of the noise.
     pub seed: u64,
 }
 
 impl SimulationParams {
-    /// A vehicle on the ground, with the noise that the experiments are judged with, and no pushes.
+    /// A vehicle on the ground without pushes, with the sensor noise of the experiments.
     #[must_use]
     pub fn new(vehicle: Vehicle) -> Self {
         Self {
@@ -55,10 +55,9 @@ impl SimulationParams {
         }
     }
 
-    /// The same of a vehicle as it truly is.
-    ///
+    /// A vehicle on the ground with the properties that were drawn for it.
     /// # Errors
-    /// Where an effect is out of its range.
+    /// If an effect is out of its range.
     pub fn of(drawn: &TrueVehicle) -> Result<Self, SimError> {
         let plant = drawn.plant().map_err(|e| SimError::refused(e.to_string()))?;
         let sensors = drawn.sensors(&SensorParams::EXPERIMENTS);
@@ -67,7 +66,7 @@ impl SimulationParams {
     }
 }
 
-/// What is true of the simulated vehicle at a time.
+/// The true state of the simulated vehicle at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Truth {
     /// Simulated time, s.
@@ -78,9 +77,9 @@ pub struct Truth {
     pub rotor_speeds: RotorVector,
     /// Position of the tool tip, m, world.
     pub tool_position_w: Vector3,
-    /// What touches the tool, world, at its tip.
+    /// The wrench of the environment on the tool, world, at its tip.
     pub tool_wrench_w: Wrench,
-    /// What the world exerts, contacts and pushes alike: force W, torque R about the centre of mass.
+    /// The wrench of the environment on the vehicle, contacts and pushes: force W, torque R about the centre of mass.
     pub external: Wrench,
 }
 
@@ -98,45 +97,46 @@ pub struct Simulation<B = Own> {
 }
 
 impl Simulation {
-    /// A vehicle that stands on the ground over the origin, switched off.
+    /// A vehicle that stands on the ground at the origin, switched off.
     #[must_use]
     pub fn new(params: SimulationParams) -> Self {
         let body = Own::new(params.plant, params.pushes, params.seed);
         Self::with_body(body, params.plant, params.sensors, params.firmware, params.seed)
     }
 
-    /// Lets a rotor (from 0) reach only a part of the speed its motor drives it to.
+    /// Limits the speed of a rotor (from 0) to a fraction of the speed that its motor is commanded.
     pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
         if let Some(health) = self.body.health.get_mut(rotor) {
             *health = part;
         }
     }
 
-    /// Leaves a rotor (from 0) only a part of its thrust and drag, at the speed it turns with.
+    /// Reduces thrust and drag of a rotor (from 0) to a fraction, at an unchanged speed.
     pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
         if let Some(thrust) = self.body.thrust.get_mut(rotor) {
             *thrust = part;
         }
     }
 
-    /// Lets a rotor (from 0) turn the other way, with the propeller for it.
+    /// Makes a rotor (from 0) turn in the opposite direction, with a propeller for that direction.
     pub fn reverse_spin(&mut self, rotor: usize) {
         if let Some(reversed) = self.body.reversed.get_mut(rotor) {
             *reversed = 1.0;
         }
     }
 
-    /// Puts two motors (from 0) on each other's wires.
+    /// Exchanges the wires of two motors (from 0).
     pub fn exchange_motors(&mut self, one: usize, other: usize) {
         self.wiring.swap(one, other);
     }
 
-    /// Presses on the tool (world, at its tip) and on the body (force W, torque R about the centre of mass) from now on.
+    /// Applies a wrench to the tool (world, at its tip) and a wrench to the body (force W, torque R about the centre
+    /// of mass) from now on.
     pub fn disturb(&mut self, tool_w: Wrench, body: Wrench) {
         (self.body.pressed_tool_w, self.body.pressed) = (tool_w, body);
     }
 
-    /// What presses on the body: force W, torque R about the centre of mass.
+    /// The wrench that [`Self::disturb`] applies to the body: force W, torque R about the centre of mass.
     #[must_use]
     pub fn disturbance(&self) -> Wrench {
         self.body.pressed
@@ -144,7 +144,7 @@ impl Simulation {
 }
 
 impl<B: Body> Simulation<B> {
-    /// A vehicle, switched off, whose body moves in a world of its own; `seed` chooses the sensors' noise.
+    /// A vehicle, switched off, whose body moves in its own world; `seed` is the seed of the sensors' noise.
     #[must_use]
     pub fn with_body(
         body: B,
@@ -164,17 +164,17 @@ impl<B: Body> Simulation<B> {
         }
     }
 
-    /// Takes bytes from the host; answers go to `out`.
+    /// Takes bytes from the host; writes the answers to `out`.
     pub fn receive(&mut self, bytes: &[u8], out: &mut Vec<u8>) {
         self.firmware.receive(bytes, self.now, out);
     }
 
-    /// One cycle of [`STEP`]: body, sensors, board; what it sends goes to `out`.
+    /// Simulates one cycle of [`STEP`]: body, sensors, board. Writes the bytes that the board sends to `out`.
     pub fn advance(&mut self, out: &mut Vec<u8>) {
         self.advance_at(1000 * (self.now + STEP), out);
     }
 
-    /// The same, for a cycle that ends at a time of the monotonic clock.
+    /// Simulates one cycle that ends at a given time of the monotonic clock.
     pub fn advance_at(&mut self, at: Nanos, out: &mut Vec<u8>) {
         let dt = STEP as f64 * 1e-6;
         self.now += STEP;
@@ -218,49 +218,48 @@ impl<B: Body> Simulation<B> {
         &self.firmware
     }
 
-    /// The flight board, to do something to it.
+    /// The flight board, to be changed.
     pub fn firmware_mut(&mut self) -> &mut Firmware {
         &mut self.firmware
     }
 
-    /// Noise and errors that the sensors have where nothing was done to them.
+    /// The noise and the errors of the sensors before any change.
     #[must_use]
     pub fn own_sensors(&self) -> &SensorParams {
         &self.own_sensors
     }
 
-    /// The sensors, to do something to them.
+    /// The sensors, to be changed.
     pub fn sensors_mut(&mut self) -> &mut Sensors {
         &mut self.sensors
     }
 
-    /// Whether the vehicle stands upright where it started from.
+    /// Whether the vehicle stands upright at its starting height.
     #[must_use]
     pub fn stands(&self) -> bool {
         self.rests() && self.body.state().robot.rotation_wr[(2, 2)] > 0.98
     }
 
-    /// Whether the vehicle lies still, no higher than where it started from, however it lies.
+    /// Whether the vehicle is at rest in any attitude, not higher than its starting height.
     #[must_use]
     pub fn rests(&self) -> bool {
         self.body.rests()
     }
 
-    /// Whether its body has stopped moving for good; [`Self::finish`] says why.
+    /// Whether its body can no longer move; [`Self::finish`] says why.
     #[must_use]
     pub fn failed(&self) -> bool {
         self.body.failed()
     }
 
     /// Ends the body's world.
-    ///
     /// # Errors
-    /// One sentence, where it had failed or does not end well.
+    /// One sentence, if the world had failed or does not end properly.
     pub fn finish(&mut self) -> Result<(), SimError> {
         self.body.finish()
     }
 
-    /// What is true now.
+    /// The true state now.
     #[must_use]
     pub fn truth(&self) -> Truth {
         let state = self.body.state();

@@ -1,4 +1,4 @@
-//! A file of timed pushes: what the environment exerts on the tool, and when.
+//! A file of timed pushes: the wrenches of the environment on the tool.
 //!
 //! ```toml
 //! [[push]]
@@ -33,7 +33,7 @@ pub struct Push {
     pub torque: [f64; 3],
 }
 
-/// All pushes of a run; those that overlap add up.
+/// All pushes of a run. Pushes that overlap are added.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pushes {
@@ -42,16 +42,15 @@ pub struct Pushes {
 }
 
 impl Pushes {
-    /// The pushes as given.
+    /// Pushes from a list.
     #[must_use]
     pub fn new(push: Vec<Push>) -> Self {
         Self { push }
     }
 
-    /// Reads a file.
-    ///
+    /// Reads a file of pushes.
     /// # Errors
-    /// One sentence: which file, which push, what is wrong with it.
+    /// One sentence that names the file, the push and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, SimError> {
         let refuse = |what: String| SimError::refused(format!("{}: {what}", path.display()));
         let text = files::read_text(path).map_err(|e| refuse(format!("cannot be read: {e}")))?;
@@ -63,7 +62,7 @@ impl Pushes {
             let numbers = [p.at, p.duration].into_iter().chain(p.force).chain(p.torque);
             if numbers.clone().any(|x| !x.is_finite()) || p.at < 0.0 || p.duration < 0.0 {
                 return Err(refuse(format!(
-                    "push {} has a number that is not finite, or a time below zero; expected times from 0 s on",
+                    "push {} has a number that is not finite, or a negative time; expected finite numbers and times from 0 s on",
                     i + 1
                 )));
             }
@@ -71,7 +70,7 @@ impl Pushes {
         Ok(pushes)
     }
 
-    /// The wrench on the tool (world, at the tip) at `time` seconds.
+    /// The wrench on the tool (world, at its tip) at a time, s.
     #[must_use]
     pub fn wrench(&self, time: f64) -> Wrench {
         let active = self.push.iter().filter(|p| (p.at..p.at + p.duration).contains(&time));

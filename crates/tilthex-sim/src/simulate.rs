@@ -1,5 +1,5 @@
-//! A flight in memory: the vehicle's body, noisy sensors, and the [`Flight`] that flies the real one.
-//! No clock and no link: as fast as the machine, and the same for the same seed.
+//! A simulated flight in memory: the vehicle's body, noisy sensors, and the same [`Flight`] as on a real vehicle. It
+//! uses no clock and no link. It runs as fast as the machine can; the same seed gives the same flight.
 
 mod record;
 
@@ -25,46 +25,46 @@ use tilthex_core::{
 pub const PERIOD: f64 = 0.002;
 /// Cycles of the body in a control period.
 const CYCLES: usize = 2;
-/// Control periods from one captured pose to the next.
+/// Control periods between two captured poses.
 const POSE_EVERY: usize = 5;
 
 /// How a flight begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[expect(clippy::large_enum_variant, reason = "one a flight")]
+#[expect(clippy::large_enum_variant, reason = "there is one per flight")]
 pub enum Start {
-    /// In the air, at rest with the tool on the trajectory's start.
+    /// In the air, at rest, with the tool on the first set-point of the trajectory.
     Air(Trajectory),
-    /// On the ground, motors off: it takes off, hovers and flies the route.
+    /// On the ground with stopped motors: it takes off, hovers and flies the route.
     Ground(Option<Route>),
 }
 
 /// What is simulated.
 #[derive(Clone, Debug)]
 pub struct Scenario<'a> {
-    /// Vehicle and flight.
+    /// The configuration of vehicle and flight.
     pub config: &'a Config,
-    /// How it begins, and the set-points of the tool.
+    /// How the flight begins, and the set-points of the tool.
     pub start: Start,
-    /// What pushes the tool, and when: s since the begin in the air, or since the motors' start.
+    /// Pushes on the tool. Their times count from the begin of the flight in the air, or from the start of the
+    /// motors.
     pub pushes: Pushes,
-    /// Length, s.
+    /// Duration, s.
     pub duration: f64,
-    /// In what the vehicle differs from the configuration's.
+    /// How the true vehicle differs from the configured one.
     pub truth: TruthSection,
-    /// Noise and biases of the sensors, to which the truth adds its own.
+    /// Noise and biases of the sensors; `truth` adds to them.
     pub sensors: SensorParams,
-    /// Chooses the noise, and the vehicle where the truth has distributions.
+    /// Seed of the noise, and of the vehicle if the truth has distributions.
     pub seed: u64,
-    /// Whether the flight uses its estimator; otherwise it is given the true pose and twist.
+    /// Whether the flight uses its estimator. If not, it gets the true pose and twist.
     pub estimate: bool,
-    /// Mean age of a captured pose when it arrives, s, where the truth has none.
+    /// Mean age of a captured pose when it arrives, s; used if the truth has none.
     pub pose_delay: f64,
 }
 
-/// Simulates.
-///
+/// Simulates a scenario.
 /// # Errors
-/// What the flight refuses.
+/// If the flight refuses the scenario.
 pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
     let mut world = World::new(scenario)?;
     let rows = (scenario.duration / PERIOD).round() as usize;
@@ -77,12 +77,12 @@ pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
     Ok(record)
 }
 
-/// A vehicle and its flight.
+/// The simulated vehicle and the flight that controls it.
 struct World {
     plant: Plant,
     body: Own,
     sensors: Sensors,
-    /// The point that motion capture gives, from the centre of mass, R.
+    /// The point whose pose motion capture gives, from the centre of mass, R, m.
     captured_r: Vector3,
     estimate: bool,
     capture: Capture,
@@ -139,7 +139,7 @@ impl World {
         })
     }
 
-    /// Measures and flies one period.
+    /// Measures, and calls the flight once.
     fn tick(&mut self, time: f64, captures: bool) {
         self.time = time;
         self.body.feel(self.started.map(|started| time - started));
@@ -183,7 +183,7 @@ impl World {
         }
     }
 
-    /// The true state, and the specific force at the centre of mass as a perfect lever-arm correction gives it.
+    /// The true state, with the specific force at the centre of mass that a perfect lever-arm correction would give.
     fn known(&self, state: &PlantState, specific_force_i: &Vector3) -> KnownState {
         let (mounting, robot) = (self.plant.vehicle().imu(), state.robot);
         let (_, angular_acceleration_r) = self.plant.accelerations(state, &self.body.external());
@@ -196,7 +196,7 @@ impl World {
         KnownState { robot: captured(&robot, &self.captured_r), specific_force_r }
     }
 
-    /// Moves the body on by a period.
+    /// Moves the body by one period.
     fn advance(&mut self) {
         let speeds = match self.commanded.motors {
             MotorCommand::Stop => RotorVector::zeros(),
@@ -205,7 +205,7 @@ impl World {
             }
             MotorCommand::Start(speeds) | MotorCommand::Turn(speeds) => speeds,
         };
-        // What acts on a period is what acted when it was measured.
+        // The pushes of a whole period are those at its begin, when they were measured.
         let since_start = self.started.map(|started| self.time - started);
         for k in 1..=CYCLES {
             let dt = STEP as f64 * 1e-6;
@@ -263,7 +263,7 @@ fn at_rest_on(plant: &Plant, setpoint: &Setpoint) -> PlantState {
     state
 }
 
-/// The robot's state with its origin in another point of the airframe.
+/// The robot's state with another point of the airframe as its origin.
 fn captured(robot: &RobotState, point_r: &Vector3) -> RobotState {
     RobotState {
         position_w: robot.position_w + robot.rotation_wr * point_r,
@@ -272,7 +272,7 @@ fn captured(robot: &RobotState, point_r: &Vector3) -> RobotState {
     }
 }
 
-/// Captured poses on their way.
+/// Captured poses that have not arrived yet.
 struct Capture {
     delay: f64,
     jitter: f64,

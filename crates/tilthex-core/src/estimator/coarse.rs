@@ -1,6 +1,6 @@
-//! A number in two bytes.
+//! A number in two bytes, to save memory.
 
-/// A number that is not negative, with two digits: the upper half of its single precision. Memory is what it saves.
+/// A number that is not negative, with about two significant digits: the upper half of its single precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Coarse(u16);
 

@@ -1,4 +1,4 @@
-//! Samples and poses into the filter: at their time, in order, a bounded number of steps a tick.
+//! Applies samples and poses to the filter: each at its time, in order, in a bounded number of steps per tick.
 
 use super::{
     Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, STEPS_PER_TICK,
@@ -14,31 +14,31 @@ use crate::{
 };
 use libm::fabs;
 
-/// Readings past these are no readings, rad/s and m/s^2.
+/// Readings above these values are invalid, rad/s and m/s^2.
 const GYRO_LIMIT: f64 = 100.0;
 const FORCE_LIMIT: f64 = 1e3;
 /// An interval between samples above this is a gap, s.
 const GAP: f64 = 0.02;
 
-/// Share of a new pose in the running means.
+/// Weight of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
-/// A pose counts by this in the mean at the most, where there is no gate.
+/// Largest normalised innovation squared that counts in the mean, if there is no gate.
 const MOST_NIS: f64 = 1e6;
 
 impl Estimator {
-    /// Takes an inertial sample: rate (rad/s) and specific force (m/s^2) in IMU
-    /// coordinates at `time` (s). Between two samples the readings count as their mean.
+    /// Takes an inertial sample: rate (rad/s) and specific force (m/s^2) in IMU coordinates at `time` (s). Between
+    /// two samples the filter uses their mean.
     pub fn predict(&mut self, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
         self.predict_observed(time, gyro_i, specific_force_i, &mut |_| ());
     }
 
-    /// [`predict`](Self::predict) with a sample that is not simply measured.
+    /// As [`predict`](Self::predict), for a sample of another quality than measured.
     pub fn predict_as(&mut self, quality: Quality, time: f64, gyro_i: &Vector3, specific_force_i: &Vector3) {
         self.take_sample(time, gyro_i, specific_force_i, quality, &mut |_| ());
     }
 
-    /// [`predict`](Self::predict), with a report on every pose that is applied in its course.
+    /// As [`predict`](Self::predict); reports every pose that is applied in the call.
     pub fn predict_observed(
         &mut self,
         time: f64,
@@ -85,7 +85,7 @@ impl Estimator {
         self.work(time, observe);
     }
 
-    /// How far a sample leaps from the two before it, beyond the usual.
+    /// The leap of a sample from the two before it, beyond the usual leaps.
     fn leap(&mut self, dt: f64, gyro_i: &Vector3, force_i: &Vector3, quality: Quality) -> [Coarse; 2] {
         let before = self.samples.newest_two().filter(|(before, earlier)| {
             let modelled = [quality, before.quality, earlier.quality].iter().any(|q| q.is_modelled());
@@ -96,12 +96,13 @@ impl Estimator {
         })
     }
 
-    /// Takes a pose of the captured body. It is applied at the time at which it was taken, as soon as the samples reach it.
+    /// Takes a pose of the captured body. The filter applies it at the time at which it was taken, as soon as samples
+    /// up to that time exist.
     pub fn update_pose(&mut self, pose: &PoseSample) -> Outcome {
         self.update_pose_observed(pose, &mut |_| ())
     }
 
-    /// [`update_pose`](Self::update_pose), with a report on every pose that is applied in its course.
+    /// As [`update_pose`](Self::update_pose); reports every pose that is applied in the call.
     pub fn update_pose_observed(
         &mut self,
         pose: &PoseSample,
@@ -172,16 +173,16 @@ impl Estimator {
         self.latency_deviation += LATENCY_SHARE * (fabs(off) - self.latency_deviation);
     }
 
-    /// Time of the newest sample (or of the start, before any).
+    /// Time of the newest sample; before the first sample, the time of the start.
     pub(super) fn now(&self) -> f64 {
         self.samples
             .newest()
             .map_or(self.head.time, |s| if s.time > self.head.time { s.time } else { self.head.time })
     }
 
-    /// Makes the steps that are due and allowed, and brings the output up to date once none is left.
+    /// Makes the steps that are due and allowed. When no step is left, updates the output.
     fn work(&mut self, now: f64, observe: &mut impl FnMut(&PoseReport)) {
-        // Without poses the head follows at the distance at which the next ones are expected.
+        // Without poses the head stays behind the newest sample by the time after which the next pose is expected.
         let horizon = now - (self.latency + 4.0 * self.latency_deviation).min(0.5 * self.params.history);
         let mut due = true;
         while due && self.steps > 0 {
@@ -207,7 +208,7 @@ impl Estimator {
                     observe(&report);
                 }
             }
-            // Whole samples only: no step is split where no pose is.
+            // Without a pose, the filter moves by complete samples only.
             (None, Some(sample)) if sample <= horizon => self.advance(sample),
             _ => return false,
         }
@@ -235,7 +236,7 @@ impl Estimator {
         }
     }
 
-    /// The filter for the interval of a length before a sample.
+    /// The filter for an interval of this length before a sample.
     pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
         match self.samples.get(number).quality {
             Quality::Modelled => self.model_filter,
@@ -251,7 +252,7 @@ impl Estimator {
         }
     }
 
-    /// Counts the outcome of a pose's first application.
+    /// Counts the outcome of a pose when it is applied for the first time.
     fn note(&mut self, pose: &PoseEntry, report: &PoseReport) {
         self.nis = report.nis / 6.0;
         let bounded = report.nis.min(self.derived.gate_pose).min(MOST_NIS) / 6.0;
@@ -275,7 +276,7 @@ impl Estimator {
         }
     }
 
-    /// Carries the head's mean on to the newest sample.
+    /// Moves a copy of the head's mean to the newest sample.
     pub(super) fn refresh(&mut self) {
         let (mut mean, mut time, mut kept_bias) = (self.head.state.mean, self.head.time, self.head.kept_bias);
         for number in self.head.next_sample..self.samples.end() {

@@ -11,7 +11,8 @@ fn chi_square_cdf(x: f64, freedom: u32) -> f64 {
     }
 }
 
-/// The value below which a chi-square variable with 3 or 6 degrees of freedom stays with `probability`; infinite for 1.
+/// The value below which a chi-square variable with 3 or 6 degrees of freedom stays with `probability`; infinite for
+/// 1.
 pub(super) fn chi_square_quantile(probability: f64, freedom: u32) -> f64 {
     if probability >= 1.0 {
         return f64::INFINITY;

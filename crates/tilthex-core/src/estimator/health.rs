@@ -1,21 +1,22 @@
-//! What the supervisor and the log want to know about the estimate.
+//! The health of the estimate, for the supervisor and the log.
 
-/// How far the state can be trusted, by the limits of the supervisor's faults "pose lost" and "estimate uncertain".
+/// How far the state can be trusted. The limits are those of the supervisor's faults "pose lost" and "estimate
+/// uncertain".
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Status {
-    /// No pose has started it.
+    /// No pose has started the estimator.
     #[default]
     Uninitialized,
-    /// Poses come and pass.
+    /// Poses arrive and are accepted.
     Tracking,
-    /// The newest pose whose position was applied is older than `POSE_LOST`: the IMU alone carries the state.
+    /// The newest pose whose position was applied is older than `POSE_LOST`: the state rests on the IMU alone.
     Coasting,
-    /// The covariance is past `POSITION_DEVIATION` or `VELOCITY_DEVIATION`.
+    /// The covariance is above `POSITION_DEVIATION` or `VELOCITY_DEVIATION`.
     Lost,
 }
 
 impl Status {
-    /// What it is called in logs.
+    /// The name in logs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -27,31 +28,32 @@ impl Status {
     }
 }
 
-/// What became of a pose.
+/// The outcome of a pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Position and rotation were applied.
     Accepted,
-    /// It surprises: position and rotation were applied as those of a noisier pose.
+    /// Outside of the gate: position and rotation were applied with a larger noise.
     Weighed,
-    /// The rotation contradicts the state (swapped markers), the position does not: it alone was applied.
+    /// The rotation contradicts the state (swapped markers), but the position does not. Only the position was
+    /// applied.
     PositionOnly,
-    /// So far off that neither the state nor the pose can be so wrong: nothing was applied.
+    /// So far off that neither the noise of the pose nor the error of the state can explain it. Nothing was applied.
     Rejected,
-    /// Its time has not come, or the work of this tick is used up: it waits.
+    /// It waits: the samples have not reached its time, or the steps of this tick are used up.
     Pending,
     /// Older than the history.
     TooOld,
-    /// A pose of the same time is there already.
+    /// A pose of the same time has arrived before.
     Duplicate,
-    /// Not finite, not a rotation, or marked so by the capture system.
+    /// Not finite, not a rotation, or marked as invalid by the capture system.
     Invalid,
     /// No pose has started the estimator yet.
     Uninitialized,
 }
 
 impl Outcome {
-    /// What it is called in logs.
+    /// The name in logs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -68,12 +70,12 @@ impl Outcome {
     }
 }
 
-/// What the application of one pose showed.
+/// The result of the application of one pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseReport {
     /// When it was taken, s.
     pub time: f64,
-    /// What became of it.
+    /// The outcome.
     pub outcome: Outcome,
     /// Normalised innovation squared, chi-square with 6 degrees of freedom.
     pub nis: f64,
@@ -83,28 +85,28 @@ pub struct PoseReport {
     pub deviation: [f64; 6],
 }
 
-/// Poses and samples by what became of them.
+/// Counts of poses and samples by outcome.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Poses applied whole.
+    /// Poses whose position and rotation were applied.
     pub accepted: u32,
-    /// Poses beyond the gate, applied as those of noisier ones.
+    /// Poses outside of the gate, which were applied with a larger noise.
     pub weighed: u32,
     /// Poses of which only the position was applied.
     pub position_only: u32,
     /// Poses that contradict the state, of which nothing was applied.
     pub rejected: u32,
-    /// Of the two before, those turned by more than 90 degrees.
+    /// Of `position_only` and `rejected`, those that are rotated by more than 90 degrees.
     pub flipped: u32,
-    /// Poses that came after a later one had been applied, and made the filter go back.
+    /// Poses that arrived after a later pose had been applied, and made the filter go back.
     pub disordered: u32,
-    /// Poses older than the history, or pushed out of it unapplied.
+    /// Poses older than the history, or removed from it before they were applied.
     pub too_old: u32,
-    /// Poses of a time that was there already.
+    /// Poses whose time another pose has.
     pub duplicate: u32,
-    /// Poses not finite, not rotations, or marked invalid.
+    /// Poses that are not finite, not rotations, or marked as invalid.
     pub invalid: u32,
-    /// Inertial samples not finite, out of range or out of order.
+    /// Inertial samples that are not finite, out of range or out of order.
     pub imu_rejected: u32,
     /// Intervals between inertial samples above 20 ms.
     pub imu_gaps: u32,
@@ -125,20 +127,20 @@ pub struct Health {
     pub latency_deviation: f64,
     /// Normalised innovation squared of the newest pose over its 6 degrees of freedom.
     pub nis: f64,
-    /// Its mean over the last 50 poses or so, each counted at the gate at most: 1 when model and measurement agree.
+    /// Mean of `nis` over about the last 50 poses, each limited to the gate: 1 if model and measurement agree.
     pub nis_mean: f64,
-    /// Root of the summed variances of the position, m, at the time up to which poses are applied.
+    /// Root of the summed variances of the position, m, at the time up to which poses have been applied.
     pub position_deviation: f64,
-    /// Likewise of the velocity, m/s.
+    /// The same for the velocity, m/s.
     pub velocity_deviation: f64,
-    /// Likewise of the rotation, rad.
+    /// The same for the rotation, rad.
     pub rotation_deviation: f64,
-    /// Time by which the covariance, and a late pose's work, lag the newest sample, s.
+    /// Time by which the head of the filter is behind the newest sample, s.
     pub lag: f64,
-    /// Whether the IMU's last whole window (1 s by default) was one of rest.
+    /// Whether the vehicle was at rest in the last complete window of the IMU (1 s by default).
     pub at_rest: bool,
-    /// Failed factorisations that were mended.
+    /// Failed factorisations that were corrected.
     pub recoveries: u32,
-    /// Poses and samples by what became of them.
+    /// Counts of poses and samples by outcome.
     pub counts: Counts,
 }

@@ -1,4 +1,4 @@
-//! The last moments: inertial samples, poses and checkpoints, in rings of fixed size.
+//! The recent inertial samples, poses and checkpoints, in rings of fixed size.
 
 use super::{Head, Quality, coarse::Coarse, kept_bias::KeptBias, leaps::is_blow, trust::Trust};
 use crate::{
@@ -6,11 +6,11 @@ use crate::{
     ukf::PackedState,
 };
 
-/// Inertial samples kept: 0.3 s at 640 Hz.
+/// Number of inertial samples: 0.3 s at 640 Hz.
 const SAMPLES: u64 = 192;
-/// Poses kept: 0.3 s at 130 Hz.
+/// Number of poses: 0.3 s at 130 Hz.
 const POSES: usize = 40;
-/// Checkpoints kept.
+/// Number of checkpoints.
 const CHECKPOINTS: usize = 9;
 
 /// One inertial sample, IMU coordinates.
@@ -20,11 +20,11 @@ pub(super) struct ImuEntry {
     pub(super) gyro: Vector3,
     pub(super) force: Vector3,
     pub(super) quality: Quality,
-    /// Squares of its leap from the two before, beyond the usual (see [`Leaps`](super::leaps::Leaps)).
+    /// Squares of its leap from the two samples before, beyond the usual (see [`Leaps`](super::leaps::Leaps)).
     pub(super) leap: [Coarse; 2],
 }
 
-/// The newest samples, by a number that counts up from zero.
+/// The newest samples, each with a number that counts from zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ImuHistory {
     entries: [ImuEntry; SAMPLES as usize],
@@ -51,7 +51,8 @@ impl ImuHistory {
         self.count += 1;
     }
 
-    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured, or shows a blow.
+    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured, or shows a
+    /// blow.
     pub(super) fn doubtful(&self, next: u64, time: f64) -> bool {
         let first = next.saturating_sub(SAMPLES / 2);
         let Some(newest) = next.checked_sub(1).map(|last| self.get(last).time) else { return false };
@@ -65,13 +66,13 @@ impl ImuHistory {
         self.count
     }
 
-    /// Number of the oldest sample that is still kept.
+    /// Number of the oldest sample in the ring.
     fn begin(&self) -> u64 {
         self.count.saturating_sub(SAMPLES)
     }
 
-    /// Number of the oldest sample from which the filter can start again: its
-    /// interval is still whole when the next sample has come.
+    /// Number of the oldest sample from which the filter can start again. The interval before it stays complete when
+    /// the next sample arrives.
     pub(super) fn first_usable(&self) -> u64 {
         if self.count < SAMPLES { 0 } else { self.begin() + 2 }
     }
@@ -84,8 +85,8 @@ impl ImuHistory {
         (self.count > 0).then(|| self.get(self.count - 1))
     }
 
-    /// Readings over the interval that ends with sample `number`, the mean of
-    /// its two ends where they are of one source, and its length (s).
+    /// Readings over the interval that ends with sample `number`, and its length (s). The readings are the mean of
+    /// both ends if both ends have the same source.
     pub(super) fn interval(&self, number: u64) -> (Vector3, Vector3, f64) {
         let end = self.get(number);
         if number == 0 || number <= self.begin() {
@@ -113,13 +114,13 @@ impl ImuHistory {
     }
 }
 
-/// A pose of the captured body that waits, or that may have to be applied again.
+/// A pose of the captured body that waits, or that the filter may have to apply again.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PoseEntry {
     pub(super) time: f64,
     pub(super) position: Vector3,
     pub(super) rotation: Matrix3,
-    /// Whether its outcome has been counted (it may be applied again after a late one).
+    /// Whether its outcome has been counted. It may be applied again after a late pose.
     pub(super) reported: bool,
 }
 
@@ -149,7 +150,7 @@ impl PoseQueue {
         self.kept().iter().any(|p| p.time == time)
     }
 
-    /// Puts a pose in its place. Where that pushes out the oldest one, its time is handed back.
+    /// Inserts a pose in its order. If this removes the oldest pose, returns the time of that pose.
     pub(super) fn insert(&mut self, entry: PoseEntry) -> Option<f64> {
         let pushed_out = (self.len >= POSES).then(|| self.entries[0].time);
         if pushed_out.is_some() {
@@ -159,7 +160,7 @@ impl PoseQueue {
             self.len = POSES - 1;
         }
         let place = self.kept().iter().filter(|p| p.time < entry.time).count();
-        // `place <= len < POSES`: swap the new one down through the later ones.
+        // `place <= len < POSES`: exchange the new pose with each later one in turn.
         let mut moving = entry;
         for slot in self.entries.iter_mut().take(self.len + 1).skip(place) {
             core::mem::swap(slot, &mut moving);
@@ -168,7 +169,7 @@ impl PoseQueue {
         pushed_out
     }
 
-    /// The first pose taken after `time`, if it was taken by `until`.
+    /// The first pose that was taken after `time` and not after `until`.
     pub(super) fn next(&self, time: f64, until: f64) -> Option<(usize, PoseEntry)> {
         let (place, pose) = self.kept().iter().enumerate().find(|(_, p)| p.time > time)?;
         (pose.time <= until).then_some((place, *pose))
@@ -185,7 +186,7 @@ impl PoseQueue {
     }
 }
 
-/// The filter at some past time.
+/// The filter at a past time.
 #[derive(Clone, Copy, Debug)]
 struct Checkpoint {
     state: PackedState,
@@ -205,7 +206,7 @@ pub(super) struct Checkpoints {
 }
 
 impl Checkpoints {
-    /// None yet, spaced so that they cover `history` seconds.
+    /// An empty list, whose checkpoints will be spaced so that they cover `history` seconds.
     pub(super) fn new(history: f64) -> Self {
         let none = Checkpoint {
             state: PackedState::EMPTY,
@@ -229,7 +230,7 @@ impl Checkpoints {
         self.len = self.len.saturating_sub(first);
     }
 
-    /// Saves the filter where the last checkpoint is old enough.
+    /// Saves the filter if the last checkpoint is old enough.
     pub(super) fn save(&mut self, head: &Head) {
         if self.kept().last().is_some_and(|c| head.time < c.time + self.spacing) {
             return;
@@ -250,8 +251,8 @@ impl Checkpoints {
         }
     }
 
-    /// Goes back to the last checkpoint before `time`, and forgets those after it.
-    /// Refused where there is none that starts at sample `oldest` or later.
+    /// Returns to the last checkpoint before `time`, and removes those after it. Returns false if there is none that
+    /// starts at sample `oldest` or later.
     pub(super) fn restore(&mut self, time: f64, oldest: u64, head: &mut Head) -> bool {
         let before = self.kept().iter().filter(|c| c.time <= time && c.applied < time).count();
         let Some(found) = before.checked_sub(1).and_then(|last| self.kept().get(last)) else {
@@ -272,7 +273,8 @@ impl Checkpoints {
         true
     }
 
-    /// Forgets the checkpoints from which a pose of that `time`, now gone, would have to be applied again.
+    /// Removes the checkpoints from which a pose of that `time`, which is no longer in the queue, would have to be
+    /// applied again.
     pub(super) fn forget_before(&mut self, time: f64) {
         let stale = self.kept().iter().filter(|c| c.applied < time).count();
         self.keep_from(stale);

@@ -1,7 +1,6 @@
-//! The gyro's bias while a model stands in for the gyro.
-//!
-//! What the filter then carries in the bias's place is the error of the model's rate, which poses
-//! correct. It says nothing of the gyro: once that is heard again, its own bias counts.
+//! The bias of the gyro while a model replaces the gyro.
+//! During this time, the entry of the gyro bias in the filter holds the error of the model's rate, which poses
+//! correct. It says nothing about the gyro. When the gyro is used again, its own bias is restored.
 
 use super::{Head, Quality};
 use crate::{
@@ -9,19 +8,20 @@ use crate::{
     ukf::{GyroBias, Navigation},
 };
 
-/// The gyro's bias, where it is not the state's: mean and deviation. Single precision: every checkpoint keeps one.
+/// The bias of the gyro if the state does not hold it: mean and deviation. Single precision, because every checkpoint
+/// has a copy.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct KeptBias(Option<[f32; 4]>);
 
 impl KeptBias {
     pub(super) const NONE: Self = Self(None);
 
-    /// Whether a model stands in.
+    /// Whether a model replaces the gyro.
     pub(super) fn is_some(&self) -> bool {
         self.0.is_some()
     }
 
-    /// Before a sample is applied: keeps the bias that was, or hands back the one that is again.
+    /// Before a sample is applied: keeps the bias of the gyro, or returns it when it is used again.
     fn pass(&mut self, quality: Quality, now: impl FnOnce() -> GyroBias) -> Option<GyroBias> {
         if quality.is_modelled() {
             self.0.get_or_insert_with(|| {
@@ -34,7 +34,7 @@ impl KeptBias {
         Some(GyroBias { mean_i: Vector3::new(x, y, z), deviation })
     }
 
-    /// [`pass`](Self::pass) with a mean alone.
+    /// As [`pass`](Self::pass), for the mean only.
     pub(super) fn pass_mean(&mut self, quality: Quality, mean: &mut Navigation) {
         if let Some(bias) = self.pass(quality, || GyroBias { mean_i: mean.gyro_bias_i, deviation: 0.0 }) {
             mean.gyro_bias_i = bias.mean_i;
@@ -43,7 +43,7 @@ impl KeptBias {
 }
 
 impl Head {
-    /// What becomes of the filter's bias with the next sample.
+    /// Keeps or restores the bias of the filter before the next sample.
     pub(super) fn pass_bias(&mut self, quality: Quality) {
         if let Some(bias) = self.kept_bias.pass(quality, || self.state.gyro_bias()) {
             self.state.set_gyro_bias(&bias);

@@ -1,33 +1,32 @@
-//! Leaps of the inertial readings: a blow, of which the samples show only a part.
-//!
-//! Between two samples the readings count as their mean. That follows a line; what leaves the line through the two
-//! samples before, `x - 2 y + z`, was somewhere in between, and the interval's integral is off by a share of it.
-//! White noise leaps too, and vibration all the time, which adds up to nothing: only what is beyond the
-//! usual counts.
+//! Leaps of the inertial readings, which show that there was a blow.
+//! Between two samples the filter uses the mean of the readings, as if they followed a straight line. The deviation
+//! of a sample from the line through the two samples before it, `x - 2 y + z`, happened at an unknown time between
+//! the samples, so that the integral of the interval is wrong by a share of it. White noise leaps too, and so does
+//! vibration, whose errors cancel. Therefore only the part of a leap beyond the usual leaps counts.
 
 use super::{coarse::Coarse, history::ImuEntry};
 use crate::{types::Vector3, ukf::ProcessNoise};
 
-/// White noise leaps by this many times its variance at the most: 6 for `x - 2 y + z`, times the quantile of a chi-square
-/// variable of 3 degrees of freedom at 1 - 1e-5.
+/// Largest square of a leap of white noise, divided by the variance of the noise: 6 for `x - 2 y + z`, times the
+/// quantile of a chi-square variable with 3 degrees of freedom at 1 - 1e-5.
 const OF_NOISE: f64 = 6.0 * 25.9;
-/// Leaps below this many times their mean square are usual.
+/// Squares of leaps below this many times their mean are usual.
 const OF_USUAL: f64 = 9.0;
-/// Time over which the mean square is taken, s.
+/// Time constant of the mean square, s.
 const MEMORY: f64 = 0.5;
-/// Share of the square of a leap that an interval's integral misses: of the rate and of the specific force.
+/// Share of the square of a leap that the integral of an interval misses: of the rate and of the specific force.
 const MISSED: [f64; 2] = [0.01, 0.02];
-/// Leaps whose squares are beyond the usual by this much are a blow, (rad/s)^2 and (m/s^2)^2.
+/// A leap whose square is beyond the usual by this much is a blow, (rad/s)^2 and (m/s^2)^2.
 const BLOW: [f64; 2] = [9.0, 900.0];
 
-/// The usual leaps, (rad/s)^2 and (m/s^2)^2.
+/// Mean squares of the leaps, (rad/s)^2 and (m/s^2)^2.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Leaps([f64; 2]);
 
 impl Leaps {
     pub(super) const NONE: Self = Self([0.0; 2]);
 
-    /// Squares of the leap to readings `dt` s after `before`, and that after `earlier`, beyond the usual.
+    /// Squares, beyond the usual, of the leap to readings `dt` s after `before`, which came after `earlier`.
     pub(super) fn excess(
         &mut self,
         (before, earlier): (&ImuEntry, &ImuEntry),
@@ -52,18 +51,19 @@ impl Leaps {
     }
 }
 
-/// Whether a leap beyond the usual is a blow, after which the state may be wrong by more than its covariance has it.
+/// Whether a leap beyond the usual is a blow. After a blow the error of the state may be larger than its covariance
+/// says.
 pub(super) fn is_blow(leap: [Coarse; 2]) -> bool {
     leap.iter().zip(BLOW).any(|(leap, blow)| leap.get() > blow)
 }
 
-/// Variance of the velocity that the readings over an interval of `dt` s miss beyond the usual, (m/s)^2.
+/// Variance of the velocity that the readings over an interval of `dt` s miss because of a leap, (m/s)^2.
 pub(super) fn missed_velocity(leap: [Coarse; 2], dt: f64) -> f64 {
     let [_, force] = leap.map(Coarse::get);
     MISSED[1] * force * dt * dt
 }
 
-/// The noise over an interval of `dt` s whose later sample leaps by that much beyond the usual.
+/// The noise over an interval of `dt` s whose later sample has this leap beyond the usual.
 pub(super) fn roughened(noise: &ProcessNoise, leap: [Coarse; 2], dt: f64) -> ProcessNoise {
     let [gyro, force] = leap.map(Coarse::get);
     let rougher = |density: f64, missed: f64| libm::sqrt(density * density + missed * dt);

@@ -1,17 +1,16 @@
-//! The state of the robot from inertial samples and late, disordered, at times wrong or missing poses.
+//! The state of the robot from inertial samples and from poses, which may be late, out of order, wrong or missing.
 //!
 //! # How late poses are applied at their time
-//! The filter stands at its *head*, at or behind the newest inertial sample; the
-//! state at the newest sample is the head's mean carried on through the samples
-//! between (cheap: no covariance). A pose moves the head to the time at which it was taken and corrects it there.
-//! One that was taken before the head sends the head back to a checkpoint, from
-//! which samples and poses are applied again, in order. So the result is that of poses without latency.
+//! The filter has a *head*: the time up to which it has applied samples and poses, which is at or behind the newest
+//! inertial sample. The state at the newest sample is the mean of the head, moved through the samples between them;
+//! this is cheap, because it needs no covariance. A pose moves the head to the time at which it was taken, and
+//! corrects it there. If a pose was taken before the head, the filter goes back to a checkpoint and applies samples
+//! and poses again, in order. So the result equals that of poses without latency.
 //!
 //! # Bounded work
-//! Between two samples at most [`STEPS_PER_TICK`] filter steps (predictions or
-//! corrections) are made, whatever arrives, and at most 192 mean steps; a burst
-//! of late poses is caught up with over the next ticks (at 500 Hz the whole
-//! history, 0.3 s, in 21), while the output goes on from the samples.
+//! Between two samples the filter makes at most [`STEPS_PER_TICK`] steps (predictions or corrections), whatever
+//! arrives, and moves the mean through at most 192 samples. After many late poses the filter needs several ticks to
+//! apply all of them (21 ticks at 500 Hz for the whole history of 0.3 s). Meanwhile the output follows the samples.
 
 mod coarse;
 mod fusion;
@@ -43,16 +42,16 @@ use params::Derived;
 use rest::RestDetector;
 use trust::Trust;
 
-/// Most filter steps between two inertial samples.
+/// Largest number of filter steps between two inertial samples.
 pub const STEPS_PER_TICK: u32 = 8;
 
-/// Positions past this are no positions, m.
+/// Positions above this are invalid, m.
 const POSITION_LIMIT: f64 = 1e4;
-/// The noise of what happens in a gap.
+/// The noise of the motion in a gap between samples.
 const GAP_NOISE: ProcessNoise =
     ProcessNoise { gyro: 1.0, accelerometer: 10.0, gyro_bias: 1e-4, accelerometer_bias: 1e-3 };
-/// Noise of the model that stands in for a missing IMU: the walk of the gyro's
-/// bias is the angular acceleration that the model does not know.
+/// Noise of the model that replaces a missing IMU. The random walk of the gyro's bias stands for the angular
+/// acceleration that the model does not know.
 const MODEL_NOISE: ProcessNoise =
     ProcessNoise { gyro: 0.05, accelerometer: 0.3, gyro_bias: 1.0, accelerometer_bias: 1e-3 };
 
@@ -62,23 +61,24 @@ pub enum Quality {
     /// From the IMU.
     #[default]
     Measured,
-    /// From the IMU, after readings that went off its range or leapt about: an impact, of which little is known.
+    /// From the IMU, after readings that left its range or leapt: in an impact the readings are uncertain.
     Shaken,
-    /// From a model of the vehicle, in the place of a missing sample. Its rate is no measurement:
-    /// poses correct it, as a bias.
+    /// From a model of the vehicle, which replaces a missing sample. Its rate is not a measurement: poses correct it
+    /// as they correct a bias.
     Modelled,
-    /// Likewise, while the readings go off the IMU's range: an impact, of which the model knows little too.
+    /// From a model of the vehicle, while the readings leave the range of the IMU: in an impact the model is
+    /// uncertain too.
     ModelledShaken,
 }
 
 impl Quality {
-    /// Whether a model stands in for the IMU.
+    /// Whether a model replaces the IMU.
     const fn is_modelled(self) -> bool {
         matches!(self, Self::Modelled | Self::ModelledShaken)
     }
 }
 
-/// The filter, where it stands.
+/// The filter at its head.
 #[derive(Clone, Copy, Debug)]
 struct Head {
     state: UkfState,
@@ -129,7 +129,7 @@ pub struct Estimator {
     /// The mean at the newest sample.
     current: Navigation,
     current_kept_bias: KeptBias,
-    /// Whether the head was corrected since `current` was taken from it.
+    /// Whether the head was corrected after `current` was computed from it.
     stale: bool,
     /// Filter steps left until the next sample.
     steps: u32,
@@ -152,9 +152,8 @@ pub struct Estimator {
 
 impl Estimator {
     /// An estimator that waits for [`initialize`](Self::initialize).
-    ///
     /// # Errors
-    /// [`Error`], which names the parameter that cannot be.
+    /// [`Error`], which names the parameter that is not possible.
     pub fn new(params: EstimatorParams) -> Result<Self, Error> {
         let derived = params.derive()?;
         let state = UkfState::new(Navigation::ORIGIN, &params.initial);
@@ -195,9 +194,8 @@ impl Estimator {
         })
     }
 
-    /// Starts from a pose of the captured body at `time` (s), with the
-    /// deviations of [`EstimatorParams::initial`], no velocity and no biases.
-    ///
+    /// Starts from a pose of the captured body at `time` (s), with the deviations of [`EstimatorParams::initial`], at
+    /// zero velocity and with zero biases.
     /// # Errors
     /// [`Error::NotFinite`], [`Error::OutOfRange`] or [`Error::NotRotation`], which name the argument.
     pub fn initialize(
@@ -212,10 +210,10 @@ impl Estimator {
         Ok(())
     }
 
-    /// Starts from a pose of the captured body of a vehicle that rests, with the biases that its IMU shows.
-    ///
+    /// Starts from a pose of the captured body of a vehicle at rest, with the biases that its IMU shows.
     /// # Errors
-    /// [`StartError`]: the vehicle moves, was not watched for long enough, or feels gravity elsewhere than the pose has it.
+    /// [`StartError`]: the vehicle moves, was not observed for long enough, or the directions of gravity by
+    /// accelerometer and pose differ.
     pub fn initialize_at_rest(
         &mut self,
         time: f64,
@@ -227,7 +225,7 @@ impl Estimator {
         let up_i = mean.rotation_wi.transpose() * Vector3::z();
         mean.gyro_bias_i = means.gyro;
         mean.accelerometer_bias_i = means.force - crate::GRAVITY * up_i;
-        // The pose's error in rotation shows as a bias of the accelerometer.
+        // An error of the pose's rotation looks like a bias of the accelerometer.
         let tilt = crate::GRAVITY * self.params.rotation_noise;
         let averaged = |deviation: f64| 1e-4 + deviation / sqrt(means.samples);
         let deviation = InitialDeviation {
@@ -240,7 +238,7 @@ impl Estimator {
         Ok(())
     }
 
-    /// Goes on from the present state, with a gyro whose bias may have changed by up to `change` rad/s.
+    /// Continues from the present state, with a gyro whose bias may have changed by up to `change` rad/s.
     pub(crate) fn doubt_gyro(&mut self, change: f64) {
         let known = self.head.state.axis_deviations();
         let rotation = known.rotation.max(self.params.initial.rotation);
@@ -248,7 +246,7 @@ impl Estimator {
         self.go_on(self.navigation(), &deviation);
     }
 
-    /// Goes on from a state that was reckoned without poses.
+    /// Continues from a state that was computed without poses.
     pub(crate) fn go_on_from(&mut self, mean: Navigation) {
         self.go_on(mean, &InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial });
     }

@@ -1,4 +1,4 @@
-//! What the estimator knows, at the centre of mass.
+//! The output of the estimator, at the centre of mass.
 
 use super::{
     Estimator, Health, Quality, Status,
@@ -19,7 +19,7 @@ impl Estimator {
         self.initialized
     }
 
-    /// The constant latency that is taken off every pose's time, s.
+    /// The constant latency that is subtracted from the time of every pose, s.
     #[must_use]
     pub fn latency(&self) -> f64 {
         self.params.latency
@@ -45,8 +45,8 @@ impl Estimator {
         }
     }
 
-    /// Gives the state of another point from now on: the centre of mass, where it turns out to be, from where it
-    /// was thought to be, m, robot. The filter itself stands at the IMU and does not move.
+    /// From now on, gives the state of a corrected centre of mass, which is `by_r`, m, robot, away from the old one.
+    /// The filter itself works at the IMU and does not change.
     pub fn move_centre_of_mass(&mut self, by_r: &Vector3) {
         self.params.imu_position_r -= by_r;
         self.params.body_position_r -= by_r;
@@ -58,13 +58,13 @@ impl Estimator {
         self.samples.newest().is_some_and(|s| s.quality.is_modelled())
     }
 
-    /// Rate at the newest sample without its bias.
+    /// Rate at the newest sample without the bias.
     fn rate_i(&self) -> Vector3 {
         self.samples.newest().map_or(Vector3::zeros(), |s| s.gyro - self.current.gyro_bias_i)
     }
 
-    /// Specific force at the centre of mass at the newest sample, m/s^2, robot
-    /// coordinates, without the bias and without what the lever arm adds.
+    /// Specific force at the centre of mass at the newest sample, m/s^2, robot coordinates, without the bias and
+    /// corrected for the lever arm.
     #[must_use]
     pub fn specific_force_r(&self) -> Vector3 {
         let p = &self.params;
@@ -96,8 +96,8 @@ impl Estimator {
     /// Covariance at the newest sample of (position (W) and velocity (W) of the
     /// centre of mass, rotation (W), gyro bias, accelerometer bias).
     ///
-    /// With late poses this carries the filter through the samples since the last one: up to 192
-    /// predictions. Not for every tick; [`health`](Self::health) is.
+    /// If poses are late, this predicts from the head to the newest sample: up to 192 predictions. Do not call it in
+    /// every tick; [`health`](Self::health) is cheap.
     #[must_use]
     pub fn covariance(&self) -> Covariance {
         let mut copy = self.head;
@@ -114,7 +114,7 @@ impl Estimator {
         self.at_centre_of_mass(&copy.state.covariance())
     }
 
-    /// From the IMU to the centre of mass.
+    /// Moves a covariance from the IMU to the centre of mass.
     fn at_centre_of_mass(&self, covariance: &Covariance) -> Covariance {
         let p = &self.params;
         if p.imu_position_r == Vector3::zeros() {
@@ -131,8 +131,8 @@ impl Estimator {
         map * covariance * map.transpose()
     }
 
-    /// Variance of the velocity that the newest inertial sample, `dt` s after the one before, may miss beyond its noise,
-    /// (m/s)^2; none where it was not simply measured, or shows a blow.
+    /// Variance of the velocity that the newest inertial sample, `dt` s after the one before, may miss beyond its
+    /// noise, (m/s)^2. None if the sample was not simply measured, or shows a blow.
     #[must_use]
     pub fn missed_velocity(&self, dt: f64) -> Option<f64> {
         let simple = |s: &&ImuEntry| s.quality == Quality::Measured && !is_blow(s.leap);
@@ -145,7 +145,7 @@ impl Estimator {
         let now = self.now();
         let [position_deviation, velocity_deviation, rotation_deviation] = self.head.state.deviations();
         let position_age = now - self.newest_position;
-        // A NaN is lost too.
+        // A NaN counts as lost.
         let certain = position_deviation <= POSITION_DEVIATION && velocity_deviation <= VELOCITY_DEVIATION;
         let status = match (self.initialized, certain) {
             (false, _) => Status::Uninitialized,

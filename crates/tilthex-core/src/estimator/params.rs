@@ -1,4 +1,4 @@
-//! What the estimator is told about the IMU, the capture system and the mounting.
+//! The parameters of the estimator: IMU, capture system and mounting.
 
 use super::{gate::chi_square_quantile, rest::RestParams};
 use crate::{
@@ -15,9 +15,9 @@ use libm::sqrt;
 pub struct EstimatorParams {
     /// Noise of the IMU.
     pub process: ProcessNoise,
-    /// Standard deviation of a captured position, m an axis.
+    /// Standard deviation of a captured position, m per axis.
     pub position_noise: f64,
-    /// Standard deviation of a captured orientation, rad an axis.
+    /// Standard deviation of a captured orientation, rad per axis.
     pub rotation_noise: f64,
     /// Position of the IMU, m, robot.
     pub imu_position_r: Vector3,
@@ -31,17 +31,17 @@ pub struct EstimatorParams {
     pub gate_probability: f64,
     /// Time over which late poses are still applied, s.
     pub history: f64,
-    /// Constant latency taken off every pose's time, s: for systems that stamp on arrival.
-    /// Negative where it is the IMU whose stamps are late.
+    /// Constant latency that is subtracted from the time of every pose, s: for systems that stamp poses on arrival.
+    /// Negative if the stamps of the IMU are late.
     pub latency: f64,
-    /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
-    /// state, s.
+    /// If no pose has fitted for this time, s, and five poses in a row agree on a rotation, the estimator takes over
+    /// their rotation.
     pub reacquire_after: f64,
-    /// Cut-off of the angular acceleration that the lever arm needs, Hz.
+    /// Cut-off frequency of the angular acceleration for the lever-arm correction, Hz.
     pub angular_acceleration_hz: f64,
-    /// Deviations of the state that a pose initialises.
+    /// Deviations of the state after a start from a pose.
     pub initial: InitialDeviation,
-    /// What counts as rest.
+    /// Limits of a vehicle at rest.
     pub rest: RestParams,
 }
 
@@ -70,16 +70,16 @@ impl Default for EstimatorParams {
 pub(super) struct ImuPose {
     pub(super) position_w: Vector3,
     pub(super) rotation_wi: Matrix3,
-    /// From the IMU to the captured body's origin, m, world.
+    /// Vector from the IMU to the origin of the captured body, m, world.
     arm_w: Vector3,
 }
 
-/// Parameters in the form that the steps use.
+/// Parameters in the form that the filter steps use.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Derived {
     /// Maps IMU coordinates to the captured body's.
     rotation_ci: Matrix3,
-    /// The captured body's origin, m, IMU.
+    /// Origin of the captured body, m, IMU.
     pub(super) arm_i: Vector3,
     pub(super) gate_pose: f64,
     pub(super) gate_position: f64,
@@ -87,7 +87,7 @@ pub(super) struct Derived {
 
 impl EstimatorParams {
     /// # Errors
-    /// [`Error`], which names the first parameter that cannot be.
+    /// [`Error`], which names the first parameter that is not possible.
     pub(super) fn derive(&self) -> Result<Derived, Error> {
         check_range("position_noise", self.position_noise, 1e-4, 1.0)?;
         check_range("rotation_noise", self.rotation_noise, 1e-4, 1.0)?;
@@ -114,14 +114,14 @@ impl EstimatorParams {
         })
     }
 
-    /// The pose of the IMU that a pose of the captured body means.
+    /// The pose of the IMU that follows from a pose of the captured body.
     pub(super) fn imu_pose(&self, derived: &Derived, position_w: &Vector3, rotation_wc: &Matrix3) -> ImuPose {
         let rotation_wi = rotation_wc * derived.rotation_ci;
         let arm_w = rotation_wi * derived.arm_i;
         ImuPose { position_w: position_w - arm_w, rotation_wi, arm_w }
     }
 
-    /// Its noise, with variances of position and rotation this many times those that are configured.
+    /// The noise of that pose, with the configured variances of position and rotation multiplied by these factors.
     pub(super) fn pose_noise(&self, pose: &ImuPose, (position, rotation): (f64, f64)) -> PoseNoise {
         PoseNoise::new(
             self.position_noise * sqrt(position),

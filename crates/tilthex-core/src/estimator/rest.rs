@@ -1,4 +1,4 @@
-//! Whether the vehicle rests, and the biases that it then shows.
+//! Whether the vehicle is at rest, and the biases that it shows at rest.
 
 use crate::{
     GRAVITY,
@@ -7,21 +7,22 @@ use crate::{
 use core::fmt;
 use libm::{acos, fabs, sqrt};
 
-/// So far may up of the pose and of the accelerometer be apart, degrees: a body that is defined askew flies askew.
+/// Largest angle between the vertical of the pose and that of the accelerometer, degrees: if the captured body is
+/// defined with a tilt, the vehicle flies with that tilt.
 const MOST_TILT: f64 = 2.0;
 
-/// What counts as rest.
+/// Limits of a vehicle at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RestParams {
-    /// Time over which the readings are judged, s.
+    /// Length of the window of readings, s.
     pub duration: f64,
     /// Largest standard deviation of a gyro axis, rad/s.
     pub gyro_deviation: f64,
     /// Largest standard deviation of an accelerometer axis, m/s^2.
     pub accelerometer_deviation: f64,
-    /// Largest mean rate, rad/s: past it the vehicle turns, or the gyro is broken.
+    /// Largest mean rate, rad/s. Above it the vehicle turns, or the gyro is broken.
     pub gyro_bias: f64,
-    /// Largest distance of the mean specific force from 9.81 m/s^2.
+    /// Largest difference between the mean specific force and 9.81 m/s^2.
     pub accelerometer_bias: f64,
 }
 
@@ -40,23 +41,23 @@ impl Default for RestParams {
 /// Why a start at rest is refused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum StartError {
-    /// Too few readings so far.
+    /// There are too few readings.
     TooShort {
-        /// Time that was watched, s.
+        /// Time of the readings, s.
         found: f64,
         /// Time that is needed, s.
         expected: f64,
     },
     /// The vehicle moves.
     Moving {
-        /// What shows it, with its unit.
+        /// The quantity that shows it, with its unit.
         what: &'static str,
         /// What was found.
         found: f64,
         /// Largest value that counts as rest.
         limit: f64,
     },
-    /// The pose's up is not where the accelerometer feels it.
+    /// The vertical of the pose differs from that of the accelerometer.
     GravityDisagrees {
         /// Angle between the two, degrees.
         degrees: f64,
@@ -90,7 +91,7 @@ impl fmt::Display for StartError {
 
 impl core::error::Error for StartError {}
 
-/// Means over a window at rest.
+/// Means over a window of rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RestMeans {
     pub(super) gyro: Vector3,
@@ -98,12 +99,12 @@ pub(super) struct RestMeans {
     pub(super) samples: f64,
 }
 
-/// Sums over one window; the last whole window is what is judged.
+/// Sums over one window. The last complete window decides.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RestDetector {
     start: f64,
     count: f64,
-    // About the window's first reading, so that squares keep their digits.
+    // Relative to the first reading of the window, so that the squares keep their digits.
     origin: (Vector3, Vector3),
     sums: (Vector3, Vector3),
     squares: (Vector3, Vector3),
@@ -165,12 +166,12 @@ impl RestDetector {
         Ok(RestMeans { gyro, force, samples: self.count })
     }
 
-    /// Whether the last whole window was one of rest.
+    /// Whether the vehicle was at rest in the last complete window.
     pub(super) fn at_rest(&self) -> bool {
         matches!(self.verdict, Some(Ok(_)))
     }
 
-    /// The means at rest, if the accelerometer's up is where `rotation_wi` puts it.
+    /// The means at rest, if the accelerometer agrees with the vertical of `rotation_wi`.
     pub(super) fn means(&self, params: &RestParams, rotation_wi: &Matrix3) -> Result<RestMeans, StartError> {
         let Some(verdict) = self.verdict else {
             return Err(StartError::TooShort { found: self.watched, expected: params.duration });

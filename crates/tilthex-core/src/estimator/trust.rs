@@ -1,25 +1,26 @@
-//! How far poses are believed: those that contradict the state may be right
-//! (they agree with each other), or noisier than was configured (they do not).
+//! How far poses are trusted. Poses that contradict the state may be right (then they agree with each other), or
+//! noisier than configured (then they do not).
 
 use super::coarse::Coarse;
 use crate::{types::Vector3, ukf::InitialDeviation};
 use libm::sqrt;
 
-/// This many refused poses in a row are judged together; fewer never: an outlier after a loss is no beginning.
+/// This many refused poses in a row are judged together, never fewer: one outlier after a loss must not restart the
+/// state.
 const REFUSALS: usize = 5;
-/// Poses this many times as noisy as configured say nothing.
+/// Poses that are this many times as noisy as configured contain no information.
 const MOST_NOISE: f64 = 100.0;
-/// This many applied poses tell how surprising poses are.
+/// The number of applied poses from which the usual innovation follows.
 const RECENT: usize = 15;
 /// Median of a chi-square variable with 6 degrees of freedom.
 const EXPECTED_MEDIAN: f64 = 5.348;
-/// Noises are configured at most this many times too small, squared.
+/// Largest value of [`Trust::level`]: the configured noises are too small by at most the square root of this.
 const MOST_LEVEL: f64 = 100.0;
-/// Two surprises say the same where their difference, squared, is below this share of one of them.
+/// Two surprising poses agree if the square of their difference is below this share of the square of one of them.
 const SAME: f64 = 0.25;
-/// Share of an accepted pose in what is thought of the noise.
+/// Weight of an accepted pose in the estimate of the noise.
 const NOISE_SHARE: f64 = 0.05;
-/// Deviations after poses have been believed against the state, at the least.
+/// Smallest deviations after the state was replaced by that of poses.
 const REACQUIRED: InitialDeviation = InitialDeviation {
     position: 0.02,
     velocity: 0.3,
@@ -28,14 +29,14 @@ const REACQUIRED: InitialDeviation = InitialDeviation {
     accelerometer_bias: 0.2,
 };
 
-/// Deviation of a modelled rate after poses have been believed against it, at the least, rad/s.
+/// Smallest deviation of a modelled rate after the state was replaced by that of poses, rad/s.
 const MODELLED_RATE: f64 = 0.3;
 
-/// A pose that surprised: when, and what it says beyond the state (position m, rotation rad; W).
-/// Single precision: every checkpoint keeps some.
+/// A surprising pose: its time, and its difference from the state (position m, rotation rad; W). Single precision,
+/// because every checkpoint has copies.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Said {
-    /// Since the last pose that passed, s.
+    /// Time since the last accepted pose, s.
     age: f32,
     position: [f32; 3],
     rotation: [f32; 3],
@@ -62,37 +63,37 @@ impl Said {
     }
 }
 
-/// What has been learnt of the poses.
+/// What the estimator has learnt about the poses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Trust {
-    /// Time of the last pose that passed, s.
+    /// Time of the last accepted pose, s.
     pub(super) accepted: f64,
-    /// Noise of the poses by what is configured, from 1 on.
+    /// Noise of the poses divided by the configured noise, from 1 on.
     pub(super) noise: f64,
-    /// The last that surprised, and how many there have been in a row.
+    /// The last surprising poses, and how many there have been in a row.
     refused: [Said; REFUSALS],
     in_a_row: u32,
     /// Normalised innovations squared of the last poses that were applied, newest last.
     recent: [Coarse; RECENT],
 }
 
-/// What poses that were refused in a row say together: a line through what they say beyond the state.
+/// What refused poses in a row say together: a line through their differences from the state.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Agreement {
-    /// At the newest of them: position m, velocity m/s, rotation rad; W.
+    /// The difference at the newest of them: position m, velocity m/s, rotation rad; W.
     pub(super) position: Vector3,
     pub(super) velocity: Vector3,
     pub(super) rotation: Vector3,
-    /// How fast that rotation grows, rad/s; W: nothing where a gyro tells the rate.
+    /// Rate of change of that rotation, rad/s; W. Zero if a gyro measures the rate.
     pub(super) rate: Vector3,
-    /// Their noise by what is configured, from 1 on.
+    /// Their noise divided by the configured noise, from 1 on.
     pub(super) noise: f64,
-    /// What is known of the state once it has been moved by that.
+    /// Deviations of the state after it has been moved by that difference.
     pub(super) deviation: InitialDeviation,
 }
 
 impl Trust {
-    /// After a pose of that time that is believed.
+    /// The initial trust, with an accepted pose at this time.
     pub(super) const fn since(accepted: f64) -> Self {
         Self {
             accepted,
@@ -103,8 +104,9 @@ impl Trust {
         }
     }
 
-    /// How surprising poses have lately been, from 1 on: the median of their normalised innovations squared, by what
-    /// is expected. Where noises are configured too small that is the rule, and no reason to doubt a pose.
+    /// How large innovations have been recently, from 1 on: the median of their normalised squares, divided by the
+    /// expected median. If the configured noises are too small, large innovations are usual and no reason to doubt a
+    /// pose.
     pub(super) fn level(&self) -> f64 {
         let recent = || self.recent.iter().map(|x| x.get());
         let median = recent().find(|x| {
@@ -115,7 +117,7 @@ impl Trust {
         (median.unwrap_or(0.0) / EXPECTED_MEDIAN).clamp(1.0, MOST_LEVEL)
     }
 
-    /// A pose was applied, with that normalised innovation squared.
+    /// Remembers the normalised innovation squared of an applied pose.
     pub(super) fn remember(&mut self, nis: f64) {
         self.recent.rotate_left(1);
         if let Some(slot) = self.recent.last_mut() {
@@ -123,7 +125,8 @@ impl Trust {
         }
     }
 
-    /// Whether the pose before surprised too, and said the same: noises of position and rotation give the measure.
+    /// Whether the pose before was surprising too, and agrees with this one, measured by the noises of position and
+    /// rotation.
     pub(super) fn repeats(&self, said: &Said, (position, rotation): (f64, f64)) -> bool {
         let Some(before) = self.refused.last().filter(|_| self.in_a_row > 0) else { return false };
         let size = |p: Vector3, r: Vector3| {
@@ -133,8 +136,9 @@ impl Trust {
         apart < SAME * size(said.position(), said.rotation())
     }
 
-    /// A pose passed; `nis` is its normalised innovation squared over its degrees of freedom, as configured.
-    /// Only refusals lift the noise from what is configured: chance must not.
+    /// Counts an accepted pose; `nis` is its normalised innovation squared divided by its degrees of freedom, with
+    /// the configured noise. Only refused poses increase the noise above the configured one; an accepted pose must
+    /// not do so by chance.
     pub(super) fn accept(&mut self, time: f64, nis: f64) {
         if self.noise > 1.0 {
             let variance = self.noise * self.noise;
@@ -144,7 +148,7 @@ impl Trust {
         (self.accepted, self.in_a_row) = (time, 0);
     }
 
-    /// A pose surprised.
+    /// Counts a surprising pose.
     pub(super) fn weigh(&mut self, said: Said) {
         self.refused.rotate_left(1);
         if let Some(slot) = self.refused.last_mut() {
@@ -153,8 +157,8 @@ impl Trust {
         self.in_a_row = self.in_a_row.saturating_add(1);
     }
 
-    /// A pose contradicts the state. What it and those before it say together, where they are enough.
-    /// Of the rate they tell something where it is `modelled`.
+    /// Counts a pose that contradicts the state. If there are enough such poses in a row, returns what they say
+    /// together. They determine the rate only if it is `modelled`.
     pub(super) fn refuse(&mut self, said: Said, noise: (f64, f64), modelled: bool) -> Option<Agreement> {
         self.weigh(said);
         (self.in_a_row as usize >= REFUSALS).then(|| self.agreement(said.age(), noise, modelled))
@@ -182,7 +186,7 @@ impl Trust {
         let turned = |r: &Said| r.rotation() - rotation - rate * (r.age() - middle);
         let squares = self.refused.iter().map(|r| off(r).norm_squared()).sum::<f64>();
         let turns = self.refused.iter().map(|r| turned(r).norm_squared()).sum::<f64>();
-        // Three axes, less the two ends of a line, or a mean.
+        // Three axes; a line has two free parameters per axis, a mean has one.
         let position_scatter = sqrt(squares / (3.0 * (n - 2.0)));
         let rotation_scatter = sqrt(turns / (3.0 * (n - if modelled { 2.0 } else { 1.0 })));
         let noise = (position_scatter / position_noise).max(rotation_scatter / rotation_noise).max(1.0);
@@ -209,7 +213,7 @@ impl Trust {
 }
 
 impl Agreement {
-    /// Whether the poses say anything at all.
+    /// Whether the poses contain any information.
     pub(super) fn is_credible(&self) -> bool {
         self.noise <= MOST_NOISE
     }

@@ -1,9 +1,10 @@
-//! How a pose corrects the head: whole where it passes the gate, and weighed where it surprises.
-//!
-//! A surprise has two explanations: the pose is noisier than configured, or the state is worse than its
-//! covariance has it. Whichever is nearer is taken, and scaled until the surprise is at the gate: the pose's
-//! noise, or the deviations of position, velocity and rotation (after a gap, or where the pose before
-//! said the same). Where neither can be so wrong the pose contradicts the state, and nothing is applied.
+//! The correction of the head by a pose: with full weight if the pose passes the gate, with a smaller weight if it is
+//! surprising.
+//! A surprising pose has two explanations: the pose is noisier than configured, or the state is less certain than its
+//! covariance says. The nearer explanation is taken: either the noise of the pose, or the deviations of position,
+//! velocity and rotation are scaled until the innovation is at the gate. The deviations of the state are preferred after
+//! a sample that was not simply measured, and if the pose before said the same. If neither scale is possible, the pose
+//! contradicts the state, and nothing is applied.
 
 use super::{
     Estimator, Outcome, PoseReport,
@@ -18,21 +19,21 @@ use crate::{
 };
 use libm::sqrt;
 
-/// Past this a rotation contradicts the state because markers were swapped, rad.
+/// A rotation that differs from the state by more than this contradicts it because markers were swapped, rad.
 pub(super) const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
-/// This long after a sample that was not simply measured the state is doubtful, s.
+/// The state is doubtful for this time after a sample that was not simply measured, s.
 const DOUBT: f64 = 0.1;
-/// Largest scale of a surprising pose's variances: past it the pose contradicts.
+/// Largest scale of the variances of a surprising pose. A pose that needs a larger one contradicts the state.
 const MOST_NOISE: f64 = 100.0;
 /// Largest scale of the state's variances.
 const MOST_DOUBT: f64 = 32.0;
-/// The same after a blow, or where a model stands in for the IMU.
+/// Largest scale of the state's variances after a blow, or while a model replaces the IMU.
 const MOST_DOUBT_SHAKEN: f64 = 1e4;
-/// The state is what is wrong where its variances have to grow this many times less than the pose's.
+/// The error is in the state if its variances need a scale that is smaller than that of the pose by this factor.
 const NEARER: f64 = 4.0;
-/// Steps of the search for a scale: bounded work.
+/// Steps of the search for a scale; they bound the work.
 const SEARCH_STEPS: u32 = 6;
-/// A rotation that poses contradict may be wrong by this much for each second since the last that agreed, rad/s.
+/// A rotation that poses contradict may be wrong by this much for each second since the last pose that agreed, rad/s.
 const TURN_RATE: f64 = 0.3;
 
 /// Scales of the variances of a measured position and rotation.
@@ -66,12 +67,12 @@ impl Estimator {
         report(pose.time, outcome, nis, Some(&whole))
     }
 
-    /// What a pose of the IMU tells beyond the head, with variances this many times those that are configured.
+    /// The innovation of a pose of the IMU, with the configured variances multiplied by these scales.
     fn innovation(&self, measured: &ImuPose, scales: Scales) -> Option<Innovation<6>> {
         innovation(&self.head.state, measured, &self.params.pose_noise(measured, scales))
     }
 
-    /// A pose beyond the gate.
+    /// Corrects with a pose outside of the gate.
     fn surprised(
         &mut self,
         pose: &PoseEntry,
@@ -79,7 +80,7 @@ impl Estimator {
         whole: &Innovation<6>,
         surprise: f64,
     ) -> Outcome {
-        // Neither a model nor an impact has much to say against poses.
+        // After a model or an impact the state is so uncertain that poses decide.
         let since = pose.time - self.head.trust.accepted;
         let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT + since);
         let said = Said::new(since, &whole.residual);
@@ -109,8 +110,8 @@ impl Estimator {
         self.contradict(pose, measured, said, doubtful)
     }
 
-    /// The scales of the pose's variances with which it is at the gate: those of position or rotation
-    /// alone where the other one does not surprise. None where they would be too large.
+    /// The scales of the pose's variances with which its innovation is at the gate. Only position or only rotation is
+    /// scaled if the other one is not surprising. None if the scales would be too large.
     fn noise_for(&self, measured: &ImuPose, surprise: f64, gate: f64) -> Option<Scales> {
         let own = self.head.trust.noise * self.head.trust.noise;
         let most = own * MOST_NOISE;
@@ -125,7 +126,8 @@ impl Estimator {
         to_gate(surprise, gate, MOST_NOISE, at).map(scales)
     }
 
-    /// The scale of the state's variances with which a pose is at the gate. None where it would be too large.
+    /// The scale of the state's variances with which the innovation of a pose is at the gate. None if it would be too
+    /// large.
     fn doubt_for(&self, measured: &ImuPose, surprise: f64, gate: f64, most: f64) -> Option<f64> {
         let own = self.head.trust.noise * self.head.trust.noise;
         let noise = self.params.pose_noise(measured, (own, own));
@@ -141,7 +143,8 @@ impl Estimator {
         (self.params.position_noise, self.params.rotation_noise)
     }
 
-    /// Swapped markers turn the body, but leave it where it is: its position, with our own rotation.
+    /// Swapped markers change the rotation of the body, but not its position: applies the position with the rotation
+    /// of the state.
     fn pass_position(&mut self, pose: &PoseEntry) -> bool {
         let head = &mut self.head;
         let arm_w = head.state.mean.rotation_wi * self.derived.arm_i;
@@ -157,8 +160,8 @@ impl Estimator {
         true
     }
 
-    /// A pose that neither its noise nor the state's explains: where those before it did not fit either, they may be
-    /// noisier than configured, or right.
+    /// Handles a pose that neither its noise nor the error of the state explains. If the poses before it did not fit
+    /// either, they may be noisier than configured, or right.
     fn contradict(&mut self, pose: &PoseEntry, measured: &ImuPose, said: Said, doubtful: bool) -> Outcome {
         let noises = self.noises();
         let trust = &mut self.head.trust;
@@ -190,12 +193,12 @@ impl Estimator {
         self.refused(pose)
     }
 
-    /// Of a pose that contradicts the state the position may be good.
+    /// The position of a pose that contradicts the state may still be good.
     fn refused(&mut self, pose: &PoseEntry) -> Outcome {
         if self.pass_position(pose) { Outcome::PositionOnly } else { Outcome::Rejected }
     }
 
-    /// Believes poses that agree with each other against the state.
+    /// Replaces the state by that of poses that agree with each other.
     fn believe(&mut self, agreement: &Agreement, modelled: bool) {
         let state = &mut self.head.state;
         let before = state.mean;
@@ -207,7 +210,7 @@ impl Estimator {
         };
         state.restart(mean, &agreement.deviation);
         if modelled {
-            // Where a model stands in, it is the model's rate that is off.
+            // While a model replaces the IMU, the rate of the model is wrong.
             state.set_gyro_bias(&crate::ukf::GyroBias {
                 mean_i: before.gyro_bias_i - before.rotation_wi.transpose() * agreement.rate,
                 deviation: agreement.deviation.gyro_bias,
@@ -216,8 +219,8 @@ impl Estimator {
     }
 }
 
-/// The scale of some variances with which a surprise `at` that scale is at the gate, `surprise` at 1.
-/// It never falls faster than the scale grows, so that no step goes too far.
+/// The scale of some variances with which an innovation is at the gate. `at` gives the innovation for a scale;
+/// `surprise` is its value at 1. It never falls faster than the scale grows, so that no step goes too far.
 fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     let (mut by, mut now) = (1.0, surprise);
     for _ in 0..SEARCH_STEPS {

@@ -1,13 +1,13 @@
-//! Rotor speeds that are measured with an age.
+//! Past rotor speeds, for a measurement that has an age.
 
 use crate::types::RotorVector;
 
-/// How many samples are kept: 64 ms at 1 kHz.
+/// Number of samples: 64 ms at 1 kHz.
 const KEPT: usize = 64;
-/// The largest age, s, that samples 1 ms apart can give.
+/// The largest age, s, if samples are 1 ms apart.
 pub const LARGEST: f64 = 0.05;
 
-/// The last speeds, newest first, each with the time from the next older ones to it.
+/// The last speeds, newest first, each with the time from the next older speeds to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {
     samples: [(f64, RotorVector); KEPT],
@@ -29,8 +29,8 @@ impl Past {
         self.count = (self.count + 1).min(KEPT);
     }
 
-    /// The speeds that were true `age` seconds before the newest, between samples by a straight line;
-    /// the oldest where none is that old, `None` where there is none at all.
+    /// The speeds `age` seconds before the newest ones, by linear interpolation. The oldest speeds if none are so
+    /// old; `None` if there are no speeds.
     #[must_use]
     pub fn at(&self, age: f64) -> Option<RotorVector> {
         let mut known = self.samples.iter().take(self.count);

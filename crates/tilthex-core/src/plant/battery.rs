@@ -1,5 +1,5 @@
-//! The battery: a charge, a voltage that falls with it, and an inner resistance; and what a falling
-//! voltage does to rotors whose commands are throttles.
+//! The battery: a charge, a voltage that falls with the charge, and an internal resistance. Also the effect of a
+//! falling voltage on rotors whose commands are throttles.
 
 /// A lithium-polymer battery of four cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -11,15 +11,15 @@ pub struct Battery {
     current: f64,
 }
 
-/// Open voltage when full, V.
+/// Open-circuit voltage when full, V.
 const FULL: f64 = 16.8;
-/// Open voltage when empty, V.
+/// Open-circuit voltage when empty, V.
 const EMPTY: f64 = 13.2;
-/// Inner resistance, ohm.
+/// Internal resistance, ohm.
 const RESISTANCE: f64 = 0.015;
-/// Current of a rotor at 100 Hz, A; it grows with the third power of the speed.
+/// Current of a rotor at 100 Hz, A. The current grows with the third power of the speed.
 const CURRENT_AT_100_HZ: f64 = 6.0;
-/// What the electronics take, A.
+/// Current of the electronics, A.
 const IDLE: f64 = 0.5;
 
 /// Current of one rotor at a speed in Hz, A.
@@ -30,24 +30,24 @@ pub fn rotor_current(speed: f64) -> f64 {
 }
 
 impl Battery {
-    /// 5 A h, full.
+    /// A full battery of 5 A h.
     pub const FULL: Self = Self { capacity: 18_000.0, charge: 18_000.0, current: IDLE };
 
-    /// A battery of a capacity in A h, charged to a part (0 to 1) of it.
+    /// A battery with a capacity in A h, charged to a fraction of it (0 to 1).
     #[must_use]
     pub fn new(capacity_ah: f64, part: f64) -> Self {
         let capacity = 3600.0 * capacity_ah;
         Self { capacity, charge: part * capacity, current: IDLE }
     }
 
-    /// Feeds the rotors for `dt` seconds.
+    /// Supplies the rotors for `dt` seconds.
     pub fn advance(&mut self, rotor_speeds: &[f64], dt: f64) {
         self.current = IDLE + rotor_speeds.iter().map(|&speed| rotor_current(speed)).sum::<f64>();
         self.charge = (self.charge - self.current * dt).max(0.0);
     }
 
-    /// Part of a commanded speed that a throttle reaches: the motor's speed is proportional to its
-    /// voltage, so the thrust falls with the square of `voltage / nominal`; 1 where `nominal` (V) is 0.
+    /// Fraction of a commanded speed that a throttle reaches. The speed of the motor is proportional to its voltage,
+    /// so that the thrust falls with the square of `voltage / nominal`. 1 if `nominal` (V) is 0.
     #[must_use]
     pub fn speed_part(&self, nominal: f64) -> f64 {
         if nominal > 0.0 { (self.voltage() / nominal).max(0.0) } else { 1.0 }

@@ -5,9 +5,9 @@ use crate::types::{Vector3, Wrench};
 /// Drag of the airframe, quadratic in the airspeed along each robot axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BodyDrag {
-    /// Drag coefficient times area seen along robot x, y and z, m^2.
+    /// Drag coefficient times projected area along robot x, y and z, m^2.
     pub area_r: Vector3,
-    /// Where the force acts, from the centre of mass, m, robot coordinates.
+    /// Point at which the force acts, from the centre of mass, m, robot coordinates.
     pub centre_r: Vector3,
 }
 

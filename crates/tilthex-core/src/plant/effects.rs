@@ -1,4 +1,4 @@
-//! What acts on a vehicle beside its rotors' nominal wrench and its weight.
+//! The effects on a vehicle in addition to the nominal wrench of its rotors and its weight.
 
 use super::{
     battery::Battery,
@@ -16,7 +16,7 @@ use crate::{
     vehicle::Vehicle,
 };
 
-/// Parameters of every effect; [`Effects::OFF`] has none.
+/// Parameters of all effects; in [`Effects::OFF`] all effects are off.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Effects {
     /// Density of the air, kg/m^3.
@@ -27,13 +27,13 @@ pub struct Effects {
     pub rotor_drag: RotorDrag,
     /// Drag of the airframe.
     pub body_drag: BodyDrag,
-    /// Radius of the rotors, m; with it, [`Self::surfaces`] act on them.
+    /// Radius of the rotors, m. If it is above 0, [`Self::surfaces`] act on the rotors.
     pub rotor_radius: f64,
     /// Ground and wall.
     pub surfaces: [Option<Surface>; 2],
     /// Moment of inertia of a rotor with the turning part of its motor, kg m^2.
     pub rotor_inertia: f64,
-    /// Voltage, V, at which a throttle gives the speed it names; 0 where commands are speeds.
+    /// Voltage, V, at which a throttle gives the speed of the same name; 0 if commands are speeds.
     pub throttle_voltage: f64,
     /// The battery at the start.
     pub battery: Battery,
@@ -41,7 +41,7 @@ pub struct Effects {
     pub rod: Rod,
 }
 
-/// What the effects remember.
+/// The state of the effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectsState {
     /// The gusts.
@@ -52,17 +52,17 @@ pub struct EffectsState {
     pub rotor_accelerations: RotorVector,
 }
 
-/// How the rotors turn.
+/// The motion of the rotors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rotors {
-    /// Hz.
+    /// Speeds, Hz.
     pub speeds: RotorVector,
-    /// Hz/s.
+    /// Accelerations, Hz/s.
     pub accelerations: RotorVector,
 }
 
 impl EffectsState {
-    /// The start of what the effects remember, with gusts of their own for every seed.
+    /// The initial state of the effects; each seed gives other gusts.
     #[must_use]
     pub fn new(effects: &Effects, seed: u64) -> Self {
         Self {
@@ -80,7 +80,7 @@ impl Default for EffectsState {
 }
 
 impl Effects {
-    /// Nothing acts. Air of the standard atmosphere at sea level (ISO 2533).
+    /// No effect. The air is that of the standard atmosphere at sea level (ISO 2533).
     pub const OFF: Self = Self {
         air_density: 1.225,
         wind: Wind::CALM,
@@ -94,10 +94,9 @@ impl Effects {
         rod: Rod { stiffness: 0.0, length: 0.2 },
     };
 
-    /// Refuses numbers that cannot be.
-    ///
+    /// Refuses impossible numbers.
     /// # Errors
-    /// Names the first.
+    /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {
         self.wind.check()?;
         check_range("air_density", self.air_density, 0.0, 10.0)?;
@@ -126,7 +125,7 @@ impl Effects {
         Ok(())
     }
 
-    /// Whether nothing changes the wrench on the airframe.
+    /// Whether no effect changes the wrench on the airframe.
     #[must_use]
     pub fn are_off(&self) -> bool {
         self.rotor_drag == RotorDrag::default()
@@ -135,8 +134,8 @@ impl Effects {
             && self.rotor_inertia == 0.0
     }
 
-    /// The wrench on the airframe, force and torque about the centre of mass in robot coordinates, in
-    /// addition to the rotors' nominal one; `wind_w` is the velocity of the air, m/s, world.
+    /// The wrench on the airframe, force and torque about the centre of mass in robot coordinates, in addition to the
+    /// nominal wrench of the rotors; `wind_w` is the velocity of the air, m/s, world.
     #[must_use]
     pub fn wrench(&self, vehicle: &Vehicle, robot: &RobotState, rotors: &Rotors, wind_w: &Vector3) -> Wrench {
         if self.are_off() {
@@ -169,7 +168,7 @@ impl Effects {
         sum
     }
 
-    /// The speeds, Hz, that the motors drive their rotors to under a command.
+    /// The speeds, Hz, to which the motors drive their rotors under a command.
     #[must_use]
     pub fn reached(&self, state: &EffectsState, command: &RotorVector) -> RotorVector {
         if self.throttle_voltage == 0.0 {
@@ -178,7 +177,7 @@ impl Effects {
         command * state.battery.speed_part(self.throttle_voltage)
     }
 
-    /// Lets `dt` seconds pass that end in a state of the robot and its rotors.
+    /// Lets `dt` seconds pass, at the end of which robot and rotors have this state.
     pub fn step(&self, state: &mut EffectsState, robot: &RobotState, rotors: &Rotors, dt: f64) {
         self.wind.step(&mut state.wind, &robot.velocity_w, dt);
         if self.throttle_voltage > 0.0 {

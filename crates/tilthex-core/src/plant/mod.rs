@@ -1,11 +1,11 @@
-//! The simulated vehicle: a rigid body on SO(3) with rotor lag, what else acts on a real one, and its
-//! sensors; (3)-(10).
+//! The simulated vehicle: a rigid body on SO(3) with rotor lag, other effects on a real vehicle, and its sensors;
+//! (3)-(10).
 //!
-//! [`Effects`] holds what the model of the controller leaves out, one effect a module, each off by default.
+//! [`Effects`] holds the effects that the model of the controller leaves out. Each has a module, and each is off by
+//! default.
 //!
-//! The integrator is a fourth-order Runge-Kutta-Munthe-Kaas method on
-//! (position, velocity, rotation, angular momentum in W): the rotation stays
-//! one, and without torque the angular momentum is constant to rounding.
+//! The integrator is a fourth-order Runge-Kutta-Munthe-Kaas method on (position, velocity, rotation, angular momentum
+//! in W). The rotation stays a rotation, and without torque the angular momentum is constant to rounding.
 
 mod age;
 mod battery;
@@ -37,7 +37,7 @@ use crate::{
     wrench_observer::robot_wrench,
 };
 
-/// The rigid body, its rotors, and what else acts on them.
+/// The rigid body, its rotors, and the effects on them.
 ///
 /// ```
 /// use tilthex_core::{RotorVector, Vector3, Wrench, examples, plant::Plant};
@@ -60,7 +60,7 @@ pub struct Plant {
     effects: Effects,
 }
 
-/// Pose, twist, rotor speeds, and what the effects remember.
+/// Pose, twist, rotor speeds, and the state of the effects.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PlantState {
     /// Pose and twist.
@@ -72,14 +72,14 @@ pub struct PlantState {
 }
 
 impl PlantState {
-    /// A state in calm air, with a battery that is full and rotors that keep their speeds.
+    /// A state in calm air, with a full battery and rotors at constant speeds.
     #[must_use]
     pub fn new(robot: RobotState, rotor_speeds: RotorVector) -> Self {
         Self { robot, rotor_speeds, effects: EffectsState::default() }
     }
 }
 
-/// Rates of (position, velocity, turn since the start of the step, momentum).
+/// Rates of change of (position, velocity, rotation since the begin of the step, momentum).
 #[derive(Clone, Copy)]
 struct Rates {
     position: Vector3,
@@ -89,22 +89,21 @@ struct Rates {
 }
 
 impl Plant {
-    /// A plant for one vehicle: rigid body and rotor lag alone.
+    /// The plant of a vehicle: rigid body and rotor lag, without effects.
     #[must_use]
     pub fn new(vehicle: Vehicle) -> Self {
         Self { vehicle, effects: Effects::OFF }
     }
 
-    /// The same with effects.
-    ///
+    /// The plant of a vehicle with effects.
     /// # Errors
-    /// Names the effect's parameter that is out of its range.
+    /// [`Error`], which names the parameter of an effect that is out of range.
     pub fn with_effects(vehicle: Vehicle, effects: Effects) -> Result<Self, Error> {
         effects.check()?;
         Ok(Self { vehicle, effects })
     }
 
-    /// What acts on it beside rotors and weight.
+    /// The effects on the vehicle in addition to rotors and weight.
     #[must_use]
     pub fn effects(&self) -> &Effects {
         &self.effects
@@ -116,14 +115,14 @@ impl Plant {
         &self.vehicle
     }
 
-    /// Level hover at a place, rotors at their hover speeds.
+    /// A level hover at a position, with the rotors at their hover speeds.
     #[must_use]
     pub fn hover(&self, position_w: Vector3) -> PlantState {
         PlantState::new(RobotState::at_rest(position_w), self.vehicle.hover_speeds(&Matrix3::identity()))
     }
 
-    /// Moves on by `dt` under commanded speeds (Hz) and an external wrench
-    /// (force in W, torque in R about the centre of mass), both held over the step.
+    /// Moves by `dt` under commanded speeds (Hz) and an external wrench (force in W, torque in R about the centre of
+    /// mass), both constant over the step.
     pub fn step(&self, state: &mut PlantState, command: &RotorVector, external: &Wrench, dt: f64) {
         let start = state.robot;
         let inertia = self.vehicle.inertia();
@@ -171,7 +170,7 @@ impl Plant {
         let sum = |f: fn(&Rates) -> Vector3| dt / 6.0 * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
 
         let turned = start.rotation_wr * so3::exp(&sum(|k| k.turn));
-        // One Newton step takes off what rounding adds up to.
+        // One Newton step removes the rounding errors before they accumulate.
         let rotation_wr = turned * (1.5 * Matrix3::identity() - 0.5 * turned.transpose() * turned);
         let momentum = momentum_w + sum(|k| k.momentum);
         state.robot = RobotState {
@@ -197,7 +196,7 @@ impl Plant {
         )
     }
 
-    /// What the effects do to the airframe: force and torque about the centre of mass, robot coordinates.
+    /// The wrench of the effects on the airframe: force and torque about the centre of mass, robot coordinates.
     #[must_use]
     pub fn effects_wrench(&self, state: &PlantState) -> Wrench {
         let rotors = Rotors { speeds: state.rotor_speeds, accelerations: state.effects.rotor_accelerations };
@@ -205,7 +204,7 @@ impl Plant {
         self.effects.wrench(&self.vehicle, &state.robot, &rotors, &wind_w)
     }
 
-    /// The wrench at the centre of mass (force W, torque R) of a tool wrench in W.
+    /// The wrench at the centre of mass (force W, torque R) that is equal to a wrench at the tool in W.
     #[must_use]
     pub fn from_tool(&self, state: &PlantState, tool_w: &Wrench) -> Wrench {
         robot_wrench(tool_w, &state.robot.rotation_wr, &self.vehicle.tool().position_r)
@@ -218,7 +217,7 @@ impl Plant {
         (r.position_w + r.rotation_wr * tool.position_r, r.rotation_wr * tool.rotation_r)
     }
 
-    /// Tool pose where a wrench (W) at the tip bends its rod.
+    /// Tool pose if a wrench (W) at the tip bends its rod.
     #[must_use]
     pub fn loaded_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
         let (r, tool) = (&state.robot, self.vehicle.tool());
@@ -227,7 +226,7 @@ impl Plant {
         (r.position_w + r.rotation_wr * bent.position_r, r.rotation_wr * bent.rotation_r)
     }
 
-    /// What a perfect IMU says at its mounting.
+    /// The values of a perfect IMU at its mounting.
     #[must_use]
     pub fn imu(&self, state: &PlantState, external: &Wrench) -> ImuSample {
         let imu = self.vehicle.imu();
@@ -253,7 +252,7 @@ impl Plant {
             - Vector3::new(0.0, 0.0, GRAVITY)
     }
 
-    /// Acceleration of the rotors, Hz/s, at speeds on their way to a command; without a lag the mean over the step.
+    /// Acceleration of the rotors, Hz/s, at speeds that follow a command; without lag, the mean over the step.
     fn acceleration(
         &self,
         start: &RotorVector,

@@ -1,4 +1,4 @@
-//! The tool's rod, which bends.
+//! The rod of the tool, which bends.
 
 use crate::{
     so3,
@@ -9,20 +9,19 @@ use crate::{
 /// A rod along the tool's z axis, clamped at its upper end.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rod {
-    /// Lateral force at the tip for its lateral displacement, N/m; 0 for a rigid rod.
+    /// Lateral force at the tip divided by its lateral displacement, N/m; 0 for a rigid rod.
     ///
     /// `3 E I / L^3` for a cantilever (Timoshenko, Strength of Materials, part I, ch. 5): a 6 mm rod of
     /// 0.4 m in carbon fibre (E = 130 GPa) has 390 N/m, in steel 600 N/m.
     pub stiffness: f64,
-    /// From the clamp to the tip, m.
+    /// Length from the clamp to the tip, m.
     pub length: f64,
 }
 
 impl Rod {
-    /// The mounting of the tool, bent by a force at its tip, N, tool coordinates.
-    ///
-    /// Without mass and damping: the rod follows its force at once. The tip turns by `3/2` of the
-    /// displacement by the length.
+    /// The mounting of the tool when a force at its tip, N, tool coordinates, bends the rod.
+    /// The rod has no mass and no damping: it follows the force at once. The tip rotates by `3/2` of the displacement
+    /// divided by the length.
     #[must_use]
     pub fn bent(&self, tool: &Mounting, force_e: &Vector3) -> Mounting {
         if self.stiffness <= 0.0 {

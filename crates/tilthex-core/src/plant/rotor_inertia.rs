@@ -1,4 +1,4 @@
-//! The rotors' own angular momentum: reaction to acceleration, and gyroscopic torque.
+//! The angular momentum of the rotors: the reaction to their acceleration, and the gyroscopic torque.
 
 use crate::{
     types::{RotorVector, Vector3},
@@ -6,10 +6,9 @@ use crate::{
 };
 use core::f64::consts::TAU;
 
-/// Angular momentum of the rotors, N m s, robot coordinates, of speeds in Hz.
-///
-/// A rotor turns against the drag moment that its `spin` names:
-/// `h = -J sum(spin_i 2 pi w_i axis_i)`.
+/// Angular momentum of the rotors, N m s, robot coordinates, at speeds in Hz.
+/// The direction of rotation is opposite to the drag moment, whose sign is `spin`: `h = -J sum(spin_i 2 pi w_i
+/// axis_i)`.
 #[must_use]
 pub fn momentum(vehicle: &Vehicle, inertia: f64, speeds: &RotorVector) -> Vector3 {
     vehicle
@@ -19,9 +18,9 @@ pub fn momentum(vehicle: &Vehicle, inertia: f64, speeds: &RotorVector) -> Vector
         .fold(Vector3::zeros(), |h, (rotor, w)| h - inertia * rotor.spin * TAU * *w * rotor.axis_r)
 }
 
-/// Torque on the airframe, N m, robot coordinates: `-dh/dt` for accelerations in Hz/s, the robot
-/// turning at an angular velocity (rad/s): `-h' - omega x h` (Euler's equation of a body with rotors;
-/// Hughes, Spacecraft Attitude Dynamics, ch. 3.4).
+/// Torque on the airframe, N m, robot coordinates, for accelerations in Hz/s and an angular velocity of the robot
+/// (rad/s): `-h' - omega x h` (Euler's equation of a body with rotors; Hughes, Spacecraft Attitude Dynamics, ch.
+/// 3.4).
 #[must_use]
 pub fn torque(
     vehicle: &Vehicle,

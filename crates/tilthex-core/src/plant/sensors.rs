@@ -13,28 +13,28 @@ use crate::{
     types::{Matrix3, RotorVector, Vector3},
 };
 
-/// Standard deviations of the sensors' noise, and the errors that stay.
+/// Standard deviations of the sensors' noise, and the sensors' constant errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SensorParams {
-    /// Captured position, m.
+    /// Noise of the captured position, m.
     pub position: f64,
-    /// Captured orientation, rad.
+    /// Noise of the captured orientation, rad.
     pub orientation: f64,
-    /// Gyroscope, rad/s a sample.
+    /// Noise of a gyroscope sample, rad/s.
     pub gyro: f64,
-    /// Accelerometer, m/s^2 a sample.
+    /// Noise of an accelerometer sample, m/s^2.
     pub accelerometer: f64,
-    /// Rotor speed, Hz.
+    /// Noise of a rotor speed, Hz.
     pub rotor_speed: f64,
     /// Constant gyroscope bias, rad/s, IMU axes.
     pub gyro_bias_i: Vector3,
     /// Constant accelerometer bias, m/s^2, IMU axes.
     pub accelerometer_bias_i: Vector3,
-    /// Relative error of the gyroscope's scale, each IMU axis.
+    /// Relative error of the gyroscope's scale for each IMU axis.
     pub gyro_scale_i: Vector3,
-    /// Small turn of the gyroscope's axes against the IMU's, rad.
+    /// Small rotation of the gyroscope's axes relative to the IMU's, rad.
     pub gyro_misalignment_i: Vector3,
-    /// Acceleration of the IMU by the imbalance of one rotor at 100 Hz, m/s^2; it grows with the square of the speed.
+    /// Acceleration of the IMU by the imbalance of one rotor at 100 Hz, m/s^2. It grows with the square of the speed.
     pub vibration: f64,
     /// The point whose pose motion capture gives, from the centre of mass, m, robot coordinates.
     pub captured_r: Vector3,
@@ -59,7 +59,7 @@ impl SensorParams {
         rotor_speed_age: 0.0,
     };
 
-    /// The noise that the experiments are judged with.
+    /// The noise of the experiments.
     pub const EXPERIMENTS: Self = Self {
         position: 0.3e-3,
         orientation: 2e-3,
@@ -69,10 +69,9 @@ impl SensorParams {
         ..Self::IDEAL
     };
 
-    /// Refuses numbers that no sensor has.
-    ///
+    /// Refuses impossible numbers.
     /// # Errors
-    /// Names the first.
+    /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {
         check_range("position noise", self.position, 0.0, 1.0)?;
         check_range("orientation noise", self.orientation, 0.0, 1.0)?;
@@ -105,7 +104,7 @@ pub struct ImuSample {
     pub specific_force_i: Vector3,
 }
 
-/// The sensors, with a noise of their own for every seed.
+/// The sensors; each seed gives other noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
     params: SensorParams,
@@ -116,7 +115,7 @@ pub struct Sensors {
 }
 
 impl Sensors {
-    /// Sensors whose noise is the same for the same seed.
+    /// Sensors; the same seed gives the same noise.
     #[must_use]
     pub fn new(params: SensorParams, seed: u64) -> Self {
         Self {
@@ -128,8 +127,8 @@ impl Sensors {
         }
     }
 
-    /// Lets `dt` seconds pass that end at a state: rotors turn, and their speeds are remembered.
-    /// Only vibration and an age of the rotor speeds need it.
+    /// Lets `dt` seconds pass, at the end of which the plant has this state: rotors turn, and past speeds are kept.
+    /// Needed only for vibration and for an age of the rotor speeds.
     pub fn pass(&mut self, plant: &Plant, state: &PlantState, dt: f64) {
         if self.params.vibration != 0.0 {
             self.angles.step(&state.rotor_speeds, dt);
@@ -142,8 +141,8 @@ impl Sensors {
         }
     }
 
-    /// What the IMU says where a perfect one says `truth`: the gyroscope
-    /// `(1 + scale) (w - misalignment x w) + bias + noise` in each axis.
+    /// The values of the IMU if a perfect IMU has the values `truth`. The gyroscope gives `(1 + scale) (w -
+    /// misalignment x w) + bias + noise` in each axis.
     pub fn imu(&mut self, truth: &ImuSample) -> ImuSample {
         let p = &self.params;
         let turned = truth.gyro_i - p.gyro_misalignment_i.cross(&truth.gyro_i);

@@ -1,16 +1,16 @@
 //! A flat surface near a rotor: ground, ceiling or wall, by the method of images.
 //!
-//! Cheeseman and Bennett (ARC R&M 3021, 1955) replace a rotor by a source and the ground by the
-//! source's image at twice the distance. At the rotor the image moves the air by `(R/(4h))^2` of the
-//! induced velocity, along the surface's normal. Below a level rotor this gives their
-//! `T/T0 = 1/(1 - (R/(4h))^2)`; beside a wall it is air that crosses the disc.
+//! Cheeseman and Bennett (ARC R&M 3021, 1955) replace a rotor by a source, and the ground by the image of the source
+//! at twice the distance. At the rotor the image moves the air by `(R/(4h))^2` of the induced velocity, along the
+//! normal of the surface. For the ground below a level rotor this gives their `T/T0 = 1/(1 - (R/(4h))^2)`; beside a
+//! wall the air moves in the plane of the disc.
 
 use crate::{
     Rotor,
     types::{Matrix3, RobotState, Vector3},
 };
 
-/// A plane, with the air on the side that its normal points to.
+/// A plane. The air is on the side to which the normal points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
     /// Unit normal, world.
@@ -19,20 +19,22 @@ pub struct Surface {
     pub offset: f64,
 }
 
-/// What a surface does to one rotor.
+/// The effect of a surface on one rotor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Influence {
-    /// Part of the induced velocity that the surface takes off: thrust is `1/(1 - part)` times its own.
+    /// Fraction by which the surface reduces the induced velocity; the thrust is the free thrust times `1/(1 -
+    /// part)`.
     pub part: f64,
     /// Velocity of the air in the rotor's disc, m/s, robot coordinates.
     pub wind_r: Vector3,
 }
 
-/// A rotor's hub is taken as no nearer to a surface than this many radii: the method ends there.
+/// Smallest distance between a rotor's hub and a surface, in radii, for which the method holds; a smaller distance
+/// counts as this one.
 pub const NEAREST: f64 = 0.5;
 
 impl Surface {
-    /// What it does to a rotor of a radius (m) that turns at a speed (Hz) in air of a density (kg/m^3).
+    /// The effect on a rotor with a radius (m) that turns at a speed (Hz) in air of a density (kg/m^3).
     #[must_use]
     pub fn influence(
         &self,

@@ -15,13 +15,13 @@ pub struct Angles {
 
 impl Default for Angles {
     fn default() -> Self {
-        // The golden ratio spreads the blades' first angles.
+        // The golden ratio distributes the initial angles of the rotors.
         Self { turns: core::array::from_fn(|i| i as f64 * 0.618_033_988_749_894_9 % 1.0) }
     }
 }
 
 impl Angles {
-    /// Turns the rotors on at speeds in Hz.
+    /// Turns the rotors for a time at speeds in Hz.
     pub fn step(&mut self, speeds: &RotorVector, dt: f64) {
         for (turns, speed) in self.turns.iter_mut().zip(speeds.iter()) {
             *turns += speed * dt;
@@ -29,9 +29,9 @@ impl Angles {
         }
     }
 
-    /// Acceleration at the IMU, m/s^2, robot coordinates: each rotor's imbalance turns with it, in its
-    /// disc, with an amplitude of `at_100_hz` at 100 Hz that grows with the square of the speed
-    /// (a centripetal force; ISO 21940-11, 5.1).
+    /// Acceleration at the IMU, m/s^2, robot coordinates. The imbalance of each rotor rotates in the plane of its
+    /// disc. Its amplitude is `at_100_hz` at 100 Hz and grows with the square of the speed (a centripetal force; ISO
+    /// 21940-11, 5.1).
     #[must_use]
     pub fn acceleration(&self, vehicle: &Vehicle, speeds: &RotorVector, at_100_hz: f64) -> Vector3 {
         if at_100_hz == 0.0 {

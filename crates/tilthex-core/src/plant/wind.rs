@@ -10,21 +10,21 @@ use libm::{exp, fabs, sqrt};
 
 /// Mean wind and the gusts about it.
 ///
-/// Dryden's one-sided spectra over the angular spatial frequency `W` (rad/m), with the deviation `s` and
-/// the length `L` (MIL-F-8785C, 3.7.2): along the mean wind `s^2 (2 L/pi) / (1 + (L W)^2)`, across it
-/// and upwards `s^2 (L/pi) (1 + 3 (L W)^2) / (1 + (L W)^2)^2`. The gusts pass the vehicle with the
-/// airspeed (Taylor's frozen turbulence), at least with their own deviation.
+/// Dryden's one-sided spectra over the angular spatial frequency `W` (rad/m), with the standard deviation `s` and the
+/// length `L` (MIL-F-8785C, 3.7.2), are `s^2 (2 L/pi) / (1 + (L W)^2)` along the mean wind, and `s^2 (L/pi) (1 + 3 (L
+/// W)^2) / (1 + (L W)^2)^2` across it and upwards. The gusts pass the vehicle with the airspeed (Taylor's frozen
+/// turbulence), or with their standard deviation if that is larger.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wind {
     /// Velocity of the air, m/s, world.
     pub mean_w: Vector3,
     /// Standard deviation of the gusts in each direction, m/s.
     pub gust_deviation: f64,
-    /// Their length, m.
+    /// Length scale of the gusts, m.
     pub gust_length: f64,
 }
 
-/// The gusts as they are: unit filters along, across and up, and their noise.
+/// The state of the gusts: filters of unit variance along, across and up, and their noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindState {
     along: f64,
@@ -34,14 +34,14 @@ pub struct WindState {
 }
 
 impl WindState {
-    /// Gusts of their own for every seed; they begin in their steady statistics.
+    /// Gusts in their steady statistics; each seed gives other gusts.
     #[must_use]
     pub fn new(seed: u64) -> Self {
-        // Sensors of the same seed use Random::new(seed): a stream of its own keeps the two apart.
+        // Sensors use `Random::new(seed)`; the gusts need other numbers for the same seed.
         let mut random = Random::new(seed ^ 0x57_49_4E_44);
         let mut pair = || {
             let (a, b) = (random.normal(), random.normal());
-            // Unit variance, and 1/2 for variance and covariance of the second lag.
+            // Unit variance; the covariance of the two lags and the variance of the second lag are 1/2.
             [a, 0.5 * a + 0.5 * b]
         };
         let (across, up) = (pair(), pair());
@@ -60,10 +60,9 @@ impl Wind {
     pub const CALM: Self =
         Self { mean_w: Vector3::new(0.0, 0.0, 0.0), gust_deviation: 0.0, gust_length: 20.0 };
 
-    /// Refuses numbers that no wind has.
-    ///
+    /// Refuses impossible numbers.
     /// # Errors
-    /// Names the first.
+    /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {
         if !is_finite3(&self.mean_w) {
             return Err(Error::NotFinite { name: "wind" });
@@ -73,7 +72,7 @@ impl Wind {
         check_range("gust_length", self.gust_length, 0.1, 1e4)
     }
 
-    /// Whether the set is empty.
+    /// Whether there is neither wind nor gusts.
     #[must_use]
     pub fn is_calm(&self) -> bool {
         self.mean_w == Vector3::zeros() && self.gust_deviation == 0.0
@@ -97,8 +96,8 @@ impl Wind {
         self.mean_w + self.gust_deviation * gust
     }
 
-    /// Moves the gusts on by `dt` seconds past a vehicle of a velocity (m/s, world). Exact for any `dt`
-    /// at a constant airspeed.
+    /// Moves the gusts by `dt` seconds past a vehicle with a velocity (m/s, world). Exact for any `dt` at a constant
+    /// airspeed.
     pub fn step(&self, state: &mut WindState, velocity_w: &Vector3, dt: f64) {
         if self.gust_deviation == 0.0 {
             return;
@@ -109,7 +108,7 @@ impl Wind {
         let square = keep * keep;
         let fresh = sqrt(fabs(1.0 - square));
         state.along = keep * state.along + fresh * state.random.normal();
-        // Covariance of the noise of two lags in a row: P - A P A^T with P = [[1, 1/2], [1/2, 1/2]].
+        // Covariance of the noise of two first-order lags in series: P - A P A^T with P = [[1, 1/2], [1/2, 1/2]].
         let cross = 0.5 - square * (e + 0.5);
         let last = 0.5 - square * (e * e + e + 0.5);
         let slope = if fresh > 0.0 { cross / fresh } else { 0.0 };

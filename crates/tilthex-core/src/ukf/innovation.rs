@@ -1,4 +1,4 @@
-//! What a measured pose tells beyond the mean, and how it moves mean and covariance.
+//! The innovation of a measured pose, and its effect on mean and covariance.
 
 use super::{
     UkfState,
@@ -10,15 +10,15 @@ use crate::{
     types::{Matrix3, Vector3},
 };
 
-/// The difference between a measurement and its prediction, ready to be applied.
+/// The difference between a measurement and its prediction, prepared for the correction.
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
     /// Measured minus predicted, SI units.
     pub residual: [f64; M],
     /// Its predicted standard deviations.
     pub deviation: [f64; M],
-    /// Whitened: `L^-1 y` with `L L^T` the innovation's covariance. Its squared
-    /// norm is chi-square with `M` degrees of freedom, that of its first `m` entries with `m`.
+    /// Whitened: `L^-1 y` with `L L^T` the covariance of the innovation. Its squared norm is chi-square with `M`
+    /// degrees of freedom; that of its first `m` entries is chi-square with `m`.
     pub whitened: [f64; M],
     gains: [Column; M],
 }
@@ -36,9 +36,9 @@ impl<const M: usize> Innovation<M> {
 pub struct PoseNoise([[f64; 6]; 6]);
 
 impl PoseNoise {
-    /// Of a captured body measured with the deviations `position` (m) and
-    /// `rotation` (rad) an axis, whose origin lies at `offset_w` from the IMU: the
-    /// rotation's error moves the IMU on that arm.
+    /// The covariance for a captured body that is measured with the deviations `position` (m) and `rotation` (rad)
+    /// per axis, and whose origin is at `offset_w` from the IMU. An error in rotation moves the IMU on that lever
+    /// arm.
     #[must_use]
     pub fn new(position: f64, rotation: f64, offset_w: &Vector3) -> Self {
         let variance = rotation * rotation;
@@ -59,7 +59,7 @@ impl PoseNoise {
         Self(noise)
     }
 
-    /// With deviations `factor` times as large.
+    /// With all deviations multiplied by `factor`.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
         Self(self.0.map(|row| row.map(|x| x * factor * factor)))
@@ -67,8 +67,8 @@ impl PoseNoise {
 }
 
 impl UkfState {
-    /// Whitens `y`, the measured minus the predicted values of the error-state
-    /// entries `rows`, measured with `noise` (lower triangle).
+    /// Whitens `y`, the measured minus the predicted values of the error-state entries `rows`, measured with `noise`
+    /// (lower triangle).
     fn innovation<const M: usize>(
         &self,
         rows: [usize; M],
@@ -79,7 +79,7 @@ impl UkfState {
         let mut gains = [[0.0; LANES]; M];
         let (mut whitened, mut deviation) = ([0.0; M], [0.0; M]);
         let mut l = [[0.0; M]; M];
-        // Cut to their range: the optimiser cannot follow a caller's rows to here.
+        // Indices are limited to their range, because the optimiser cannot prove the range of a caller's rows.
         for (j, row) in rows.iter().enumerate() {
             let mut column: Column =
                 core::array::from_fn(|i| if i < N { p.get(i, (*row).min(N - 1)) } else { 0.0 });
@@ -110,8 +110,8 @@ impl UkfState {
         finite.then_some(Innovation { residual: *y, deviation, whitened, gains })
     }
 
-    /// What a pose of the IMU, measured with `noise`, tells beyond the mean; the
-    /// first three entries are the position's. None where it is not finite.
+    /// The innovation of a pose of the IMU, measured with `noise`; the first three entries are those of the position.
+    /// None if it is not finite.
     #[must_use]
     pub fn pose_innovation(
         &self,
@@ -125,7 +125,7 @@ impl UkfState {
         self.innovation(rows, &[dp.x, dp.y, dp.z, dr.x, dr.y, dr.z], &noise.0)
     }
 
-    /// What a position of the IMU, measured with the given variance a axis, tells beyond the mean.
+    /// The innovation of a position of the IMU, measured with this variance per axis.
     #[must_use]
     pub fn position_innovation(&self, position_w: &Vector3, variance: f64) -> Option<Innovation<3>> {
         let dp = position_w - self.mean.position_w;
@@ -133,7 +133,7 @@ impl UkfState {
         self.innovation([POSITION, POSITION + 1, POSITION + 2], &[dp.x, dp.y, dp.z], &noise)
     }
 
-    /// Moves mean and covariance by an innovation.
+    /// Corrects mean and covariance with an innovation.
     pub fn apply<const M: usize>(&mut self, innovation: &Innovation<M>) {
         let mut step = [0.0; LANES];
         for (gain, e) in innovation.gains.iter().zip(&innovation.whitened) {

@@ -1,8 +1,6 @@
-//! Triangles of 15x15 matrices, laid out for the filter's two products.
-//!
-//! A column holds 16 lanes, so that a compiler turns each loop over lanes into
-//! whole vector instructions; four columns at a time share the first lane that
-//! is worked on. What lies above the diagonal is never read.
+//! Triangles of 15x15 matrices, in a layout for the two products of the filter.
+//! A column holds 16 lanes, so that a compiler turns each loop over lanes into whole vector instructions. Columns are
+//! processed in groups of four, from the first lane of the group. Entries above the diagonal are never read.
 #![allow(clippy::needless_range_loop)] // Indices are the mathematics here.
 
 /// Dimension of the error state.
@@ -30,8 +28,8 @@ impl Triangle {
         self.0[i][i]
     }
 
-    /// The lower triangular factor `L` with `L L^T` = this, zero above the
-    /// diagonal. None where a pivot is not above `1e-15` of its diagonal entry.
+    /// The lower triangular factor `L` with `L L^T` equal to this matrix, zero above the diagonal. None if a pivot is
+    /// not above `1e-15` of its diagonal entry.
     pub(super) fn cholesky(&self) -> Option<Self> {
         let mut l = Self::ZERO;
         let positive = self.factor_panel::<0>(&mut l)
@@ -101,7 +99,7 @@ impl Triangle {
 
     /// Multiplies row and column `i` by `scale` (the diagonal entry twice).
     pub(super) fn scale(&mut self, i: usize, scale: f64) {
-        let i = i.min(N - 1); // for the optimiser: it is
+        let i = i.min(N - 1); // always true; the optimiser needs it
         for j in 0..i {
             self.0[j][i] *= scale;
         }
@@ -111,7 +109,7 @@ impl Triangle {
         self.0[i][i] *= scale;
     }
 
-    /// Whether the entries below the diagonal are finite and those on it positive.
+    /// Whether all entries below the diagonal are finite and all entries on it positive.
     pub(super) fn is_sound(&self) -> bool {
         (0..N).all(|j| self.0[j][j] > 0.0 && self.0[j][j..N].iter().all(|x| x.is_finite()))
     }

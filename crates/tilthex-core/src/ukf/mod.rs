@@ -9,20 +9,18 @@
 //! (p, v, R, b_g, b_a) (+) (dp, dv, dr, db_g, db_a) = (p + dp, v + dv, exp(dr) R, b_g + db_g, b_a + db_a)
 //! ```
 //!
-//! so that the rotation error is in world coordinates. The 2n+1 points (`alpha^2 = 1/5`,
-//! `beta = 2`, `kappa = 0`) come from the Cholesky factor of the covariance in the order
-//! (gyro bias, rotation, accelerometer bias, velocity, position); see `sigma.rs`
-//! for what that order saves. The process noise is white and additive in the
-//! tangent space; a pose is linear in the error state (both errors are in the tangent
-//! space of the mean), so that the unscented update is the Kalman update to the letter.
+//! The rotation error is thus in world coordinates. The 2n+1 points (`alpha^2 = 1/5`, `beta = 2`, `kappa = 0`) come
+//! from the Cholesky factor of the covariance in the order (gyro bias, rotation, accelerometer bias, velocity,
+//! position); `sigma.rs` says which work this order saves. The process noise is white and additive in the tangent
+//! space. A pose is linear in the error state (both errors are in the tangent space of the mean), so that the
+//! unscented update equals the Kalman update exactly.
 //!
 //! # Why the covariance stays positive definite
-//! A prediction is a sum of squares with positive weights plus process noise, whose
-//! share of any variance (1e-9 and more a step) is far above the rounding of the
-//! sum (1e-14); an update subtracts `W W^T` with the measurement noise inside `W`, and
-//! floors on that noise with ceilings on the covariance keep their ratio below 1e13.
-//! Should a factorisation fail all the same, the correlations are shrunk until it does
-//! not, and the event is counted.
+//! A prediction is a sum of squares with positive weights plus process noise. The process noise adds to each variance
+//! (1e-9 and more of it in each step) far more than the rounding of the sum (1e-14). An update subtracts `W W^T` with
+//! the measurement noise inside `W`; lower limits of that noise and upper limits of the covariance keep their ratio
+//! below 1e13. If a factorisation still fails, the correlations are reduced until it succeeds, and the event is
+//! counted.
 
 mod innovation;
 mod matrix;
@@ -43,11 +41,11 @@ use sigma::{ACCELEROMETER_BIAS, GYRO_BIAS, POSITION, ROTATION, VELOCITY};
 /// accelerometer bias)`: SI units, world coordinates for the first three, IMU coordinates for the biases.
 pub type Covariance = nalgebra::SMatrix<f64, 15, 15>;
 
-/// Where each entry of the public order lies inside the filter.
+/// The index inside the filter of each entry of the public order.
 const PUBLIC: [usize; N] = [12, 13, 14, 9, 10, 11, 3, 4, 5, 0, 1, 2, 6, 7, 8];
 
-/// Largest variances: past them a state is unknown, and growth would only cost digits.
-/// By part in internal order: (rad/s)^2, rad^2, (m/s^2)^2, (m/s)^2, m^2.
+/// Largest variances. A state with such a variance is unknown, and a larger variance would only lose digits. By part
+/// in internal order: (rad/s)^2, rad^2, (m/s^2)^2, (m/s)^2, m^2.
 const CEILING: [f64; 5] = [0.25, 0.21, 25.0, 1e4, 1e6];
 
 /// Position, velocity and rotation of the IMU, and its biases.
@@ -55,18 +53,18 @@ const CEILING: [f64; 5] = [0.25, 0.21, 25.0, 1e4, 1e6];
 pub struct Navigation {
     /// Position of the IMU, m, world.
     pub position_w: Vector3,
-    /// Its velocity, m/s, world.
+    /// Velocity of the IMU, m/s, world.
     pub velocity_w: Vector3,
     /// Maps IMU coordinates to world coordinates.
     pub rotation_wi: Matrix3,
-    /// What the gyro reads at rest, rad/s.
+    /// Value of the gyro at rest, rad/s.
     pub gyro_bias_i: Vector3,
-    /// What the accelerometer reads beyond the specific force, m/s^2.
+    /// Value of the accelerometer minus the specific force, m/s^2.
     pub accelerometer_bias_i: Vector3,
 }
 
 impl Navigation {
-    /// At rest at the origin, level, without biases.
+    /// At rest at the origin, level, with zero biases.
     pub const ORIGIN: Self = Self {
         position_w: Vector3::new(0.0, 0.0, 0.0),
         velocity_w: Vector3::new(0.0, 0.0, 0.0),
@@ -85,16 +83,16 @@ pub struct UkfState {
     recoveries: u32,
 }
 
-/// What is known of the gyro's bias by itself.
+/// Mean and deviation of the gyro's bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GyroBias {
     /// Its mean, rad/s, IMU coordinates.
     pub mean_i: Vector3,
-    /// Its deviation along an axis, rad/s.
+    /// Its standard deviation per axis, rad/s.
     pub deviation: f64,
 }
 
-/// A [`UkfState`] in little more than half its room.
+/// A [`UkfState`] in little more than half the memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PackedState {
     mean: Navigation,
@@ -133,13 +131,13 @@ pub struct Ukf {
     noise: ProcessNoise,
 }
 
-/// Whether an entry of the (internal) error state is a bias's.
+/// Whether an entry of the (internal) error state belongs to a bias.
 fn is_bias(i: usize) -> bool {
     (GYRO_BIAS..GYRO_BIAS + 3).contains(&i) || (ACCELEROMETER_BIAS..ACCELEROMETER_BIAS + 3).contains(&i)
 }
 
 impl UkfState {
-    /// `mean` with independent errors of the given deviations.
+    /// A state with this mean and independent errors of the given deviations.
     #[must_use]
     pub fn new(mean: Navigation, deviation: &InitialDeviation) -> Self {
         let mut state = Self { mean, covariance: Triangle::ZERO, recoveries: 0 };
@@ -157,7 +155,7 @@ impl UkfState {
         Covariance::from_fn(|i, j| self.covariance.get(PUBLIC[i], PUBLIC[j]))
     }
 
-    /// Times that a factorisation failed and the correlations were shrunk.
+    /// How often a factorisation failed and the correlations were reduced.
     #[must_use]
     pub fn recoveries(&self) -> u32 {
         self.recoveries
@@ -174,7 +172,8 @@ impl UkfState {
         [POSITION, VELOCITY, ROTATION].map(|part| libm::sqrt(self.trace(part)))
     }
 
-    /// Deviation of an axis of each part: a filter that starts with these is as certain, without their correlations.
+    /// Standard deviation per axis of each part. A filter that starts with these is as certain, but without
+    /// correlations.
     #[must_use]
     pub(crate) fn axis_deviations(&self) -> InitialDeviation {
         let axis = |part: usize| libm::sqrt(self.trace(part) / 3.0);
@@ -194,18 +193,17 @@ impl UkfState {
         GyroBias { mean_i: self.mean.gyro_bias_i, deviation }
     }
 
-    /// Takes what is known of the gyro's bias from elsewhere: independent of all else in the state.
+    /// Replaces the bias of the gyro by a known one, which is independent of all other parts of the state.
     pub fn set_gyro_bias(&mut self, bias: &GyroBias) {
         self.mean.gyro_bias_i = bias.mean_i;
         for j in GYRO_BIAS..GYRO_BIAS + 3 {
-            // It comes first, so its columns are all its correlations.
+            // The gyro bias comes first, so that its columns contain all its correlations.
             self.covariance.0[j] = [0.0; LANES];
             self.covariance.0[j][j] = bias.deviation * bias.deviation;
         }
     }
 
-    /// Takes position, velocity and rotation for its own, with independent errors of the given deviations;
-    /// what is known of the biases stays.
+    /// Replaces position, velocity and rotation, with independent errors of the given deviations. The biases stay.
     pub fn restart(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         let fresh = Self::new(mean, deviation);
         let mut biases = self.covariance;
@@ -216,7 +214,7 @@ impl UkfState {
         (self.mean, self.covariance) = (mean, biases);
     }
 
-    /// Lets position, velocity and rotation be known `factor` times worse; what is known of the biases stays.
+    /// Multiplies the deviations of position, velocity and rotation by `factor`. The biases stay.
     pub fn loosen(&mut self, factor: f64) {
         for i in (0..N).filter(|i| !is_bias(*i)) {
             self.covariance.scale(i, factor);
@@ -238,7 +236,7 @@ impl UkfState {
             && m.rotation_wi.iter().all(|x| x.is_finite())
     }
 
-    /// Scales back what is past its ceiling.
+    /// Reduces variances that are above their ceiling.
     fn limit(&mut self) {
         for (i, ceiling) in CEILING.iter().enumerate() {
             let trace = self.trace(3 * i);
@@ -251,8 +249,8 @@ impl UkfState {
         }
     }
 
-    /// The factor of the covariance. Where rounding has made it indefinite the
-    /// correlations are shrunk, by 1e-12 and then ever more, until it is not.
+    /// The factor of the covariance. If rounding has made the covariance indefinite, the correlations are reduced, by
+    /// 1e-12 and then by more and more, until it is definite.
     fn factor(&mut self) -> Triangle {
         if let Some(l) = self.covariance.cholesky() {
             return l;
@@ -266,7 +264,7 @@ impl UkfState {
                 return l;
             }
         }
-        // Nothing is left of it but, at best, its diagonal.
+        // At best the diagonal is left.
         let mut l = Triangle::ZERO;
         for j in 0..N {
             let variance = self.covariance.0[j][j];
@@ -290,18 +288,18 @@ impl Ukf {
         Ok(Self { noise })
     }
 
-    /// A filter whose noise is known to be good: one that has been checked, grown for a while.
+    /// A filter whose noise needs no check: one that was checked, and increased for a time.
     pub(crate) const fn unchecked(noise: ProcessNoise) -> Self {
         Self { noise }
     }
 
-    /// Moves the state by `dt` seconds (0 to 1) of constant readings: `gyro_i` in rad/s
-    /// and `specific_force_i` in m/s^2, IMU coordinates, biases included.
+    /// Moves the state by `dt` seconds (0 to 1) with constant readings: `gyro_i` in rad/s and `specific_force_i` in
+    /// m/s^2, IMU coordinates, including the biases.
     pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
         let factor = state.factor();
         let moved = sigma::propagate(&state.mean, factor, gyro_i, specific_force_i, dt);
         state.mean = moved.mean;
-        // One Newton step to the nearest rotation, so that rounding does not add up.
+        // One Newton step to the nearest rotation, so that rounding errors do not accumulate.
         let r = &state.mean.rotation_wi;
         state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
         state.covariance = moved.factor.gram();
@@ -310,7 +308,7 @@ impl Ukf {
         state.limit();
     }
 
-    /// White noise over `dt`, exactly integrated. Isotropic, so that the frame does not matter.
+    /// White noise over `dt`, integrated exactly. It is isotropic, so that the frame does not matter.
     fn add_noise(&self, covariance: &mut Triangle, dt: f64) {
         let n = &self.noise;
         let force = n.accelerometer * n.accelerometer * dt;
@@ -326,8 +324,8 @@ impl Ukf {
     }
 }
 
-/// Adds the even halves' products: over (rotation, acceleration), of which
-/// velocity takes `dt` and position `dt^2/2`.
+/// Adds the products of the even halves: over (rotation, acceleration), of which the velocity gets `dt` and the
+/// position `dt^2/2`.
 #[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
 fn add_even(covariance: &mut Triangle, even: &[[f64; 6]; 6], dt: f64) {
     let half = 0.5 * dt * dt;

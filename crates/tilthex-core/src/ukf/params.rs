@@ -1,8 +1,8 @@
-//! What the filter is told: the noise of the IMU, and how well a first state is known.
+//! The parameters of the filter: the noise of the IMU, and the deviations of an initial state.
 
 use crate::{Error, error::check_range};
 
-/// Noise of the IMU, as densities and walks.
+/// Noise of the IMU, as noise densities and random walks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ProcessNoise {
     /// White noise of the gyro, rad/s/sqrt(Hz).
@@ -34,15 +34,15 @@ impl ProcessNoise {
 /// Standard deviations of an initial state.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InitialDeviation {
-    /// m.
+    /// Position, m.
     pub position: f64,
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: f64,
-    /// rad.
+    /// Rotation, rad.
     pub rotation: f64,
-    /// rad/s.
+    /// Gyro bias, rad/s.
     pub gyro_bias: f64,
-    /// m/s^2.
+    /// Accelerometer bias, m/s^2.
     pub accelerometer_bias: f64,
 }
 
@@ -59,8 +59,7 @@ impl Default for InitialDeviation {
 }
 
 impl InitialDeviation {
-    /// Refuses deviations that are not positive or past what the filter represents.
-    ///
+    /// Refuses deviations that are not positive, or too large for the filter.
     /// # Errors
     /// [`Error`], which names the deviation.
     pub fn check(&self) -> Result<(), Error> {

@@ -1,4 +1,4 @@
-//! The process model, and its sigma points in the form that structure allows.
+//! The process model, and its sigma points in the form that the structure of the model allows.
 //!
 //! The error state in the order `(gyro bias, rotation, accelerometer bias,
 //! velocity, position)` makes most of the 31 sigma points of a lower
@@ -11,16 +11,15 @@
 //! ```
 //!
 //! is linear in everything but the gyro bias and the rotation:
-//! * columns 12..15 (position) and 9..12 (velocity) and 6..9 (accelerometer
-//!   bias) pass through linearly: no point is evaluated;
-//! * columns 3..6 turn the frame but not the rate: the rotation error passes
-//!   unchanged, and the sum and difference of a pair of points have closed forms;
+//! * columns 12..15 (position), 9..12 (velocity) and 6..9 (accelerometer bias) propagate linearly: no point is
+//!   evaluated;
+//! * columns 3..6 rotate the frame and do not change the rate: the rotation error does not change, and the sum and
+//!   difference of a pair of points have closed forms;
 //! * columns 0..3 are evaluated as pairs of points.
 //!
-//! A pair `+-x` maps to `even +- odd`. The odd halves of all pairs are again a
-//! lower triangular matrix `A`, and the covariance of the points is
-//! `A A^T` plus the outer products of the even halves, which is what this module
-//! hands back. Nothing is linearised: the result equals that of the 31 points to rounding.
+//! A pair `+-x` maps to `even +- odd`. The odd halves of all pairs are again a lower triangular matrix `A`. The
+//! covariance of the points is `A A^T` plus the outer products of the even halves; this module returns both. Nothing
+//! is linearised: the result equals that of the 31 points to rounding.
 
 use super::{
     Navigation,
@@ -39,8 +38,8 @@ pub(super) const ACCELEROMETER_BIAS: usize = 6;
 pub(super) const VELOCITY: usize = 9;
 pub(super) const POSITION: usize = 12;
 
-/// Square of the points' distance in standard deviations: that which matches a
-/// normal distribution's fourth moment (`alpha^2 = 3/15`, `kappa = 0`).
+/// Square of the points' distance from the mean in standard deviations: the value that matches the fourth moment of a
+/// normal distribution (`alpha^2 = 3/15`, `kappa = 0`).
 const SPREAD_SQUARED: f64 = 3.0;
 /// `sqrt(3)`.
 const SPREAD: f64 = 1.732_050_807_568_877_2;
@@ -58,7 +57,7 @@ fn set_part(column: &mut Column, first: usize, v: &Vector3) {
     column[first + 2] = v.z;
 }
 
-/// The turn by a rotation vector, applied to vectors.
+/// The rotation by a rotation vector, applied to vectors.
 struct Turn {
     vector: Vector3,
     /// `sin(t)/t` and `(1 - cos(t))/t^2`.
@@ -102,7 +101,7 @@ impl Quaternion {
         let n2 = v.norm_squared();
         let q2 = n2 / (w * w);
         if q2 < 1e-2 {
-            // 2 atan(q)/q / w, summed to the last bit for q < 0.1.
+            // 2 atan(q)/q / w as a series, exact to rounding for q < 0.1.
             let s = 1.0 / 13.0 - q2 * (1.0 / 15.0 - q2 / 17.0);
             let s = 1.0 / 7.0 - q2 * (1.0 / 9.0 - q2 * (1.0 / 11.0 - q2 * s));
             let s = 1.0 - q2 * (1.0 / 3.0 - q2 * (1.0 / 5.0 - q2 * s));
@@ -116,8 +115,7 @@ impl Quaternion {
 
 impl Navigation {
     /// The state after `dt` seconds of constant readings.
-    ///
-    /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, with their biases.
+    /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, including their biases.
     #[must_use]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {
         let turned = self.rotation_wi * so3::exp(&((gyro_i - self.gyro_bias_i) * dt));
@@ -137,7 +135,7 @@ impl Navigation {
     }
 }
 
-/// What the points of one prediction have become.
+/// The points of one prediction after propagation.
 pub(super) struct Prediction {
     /// The propagated mean.
     pub(super) mean: Navigation,
@@ -147,7 +145,7 @@ pub(super) struct Prediction {
     pub(super) even: [[f64; 6]; 6],
 }
 
-/// Sends the points of `factor` (see [`Triangle::cholesky`]) about `mean` through the model.
+/// Propagates the points of `factor` (see [`Triangle::cholesky`]) about `mean` through the model.
 pub(super) fn propagate(
     mean: &Navigation,
     mut factor: Triangle,
@@ -160,7 +158,7 @@ pub(super) fn propagate(
     let step = so3::exp(&(rate * dt));
     let rotation = mean.rotation_wi;
     let turned = rotation * step;
-    // a = mid (s - bias) - g e3 for every point that turns at the mean rate.
+    // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
     let mid = 0.5 * (rotation + turned);
     let mean_force_w = mid * force;
     let back = Quaternion::exp(&(rate * -dt));
@@ -218,11 +216,10 @@ fn move_column(column: &mut Column, odd_force: &Vector3, dt: f64) {
     set_part(column, VELOCITY, &(velocity + dt * odd_force));
 }
 
-/// What the even halves `e` add to the covariance. With `c` the square of the
-/// spread, weights `1/(2c)` and `beta = 2`, the sum over the points' deviations
-/// from their mean `m = 1/c sum e`, and over the centre's, is
-/// `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the centre's
-/// own weight is negative.
+/// The part of the covariance that comes from the even halves `e`. With `c` the square of the spread, weights
+/// `1/(2c)` and `beta = 2`, the sum over the deviations of the points and of the centre from their mean `m = 1/c sum
+/// e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre itself is
+/// negative.
 #[allow(clippy::needless_range_loop)]
 fn even_products(evens: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
     let mut products = [[0.0; 6]; 6];

@@ -41,7 +41,7 @@ impl Frame {
         self.bytes.get(..self.length).unwrap_or(&[])
     }
 
-    /// Whether the byte still had room.
+    /// Adds a byte; returns whether there was room for it.
     pub(super) fn push(&mut self, byte: u8) -> bool {
         match self.bytes.get_mut(self.length) {
             Some(slot) => {
@@ -53,16 +53,15 @@ impl Frame {
         }
     }
 
-    /// Appends bytes; those past [`MAX_BODY`] are dropped, which no message of this module reaches.
+    /// Appends bytes. Bytes after [`MAX_BODY`] are dropped; no message of this module is that long.
     pub(super) fn extend(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.push(byte);
         }
     }
 
-    /// Writes the frame, marks and escapes included, and returns its length in
-    /// bytes; 0, and nothing whole is in `out`, when it does not fit.
-    /// [`MAX_FRAME`] bytes always suffice.
+    /// Writes the frame with its marks and escapes, and returns its length, bytes. If the frame does not fit, returns
+    /// 0, and `out` holds no complete frame. [`MAX_FRAME`] bytes are always enough.
     #[must_use = "the length says what to send"]
     pub fn encode(&self, out: &mut [u8]) -> usize {
         let mut slots = out.iter_mut();
@@ -87,10 +86,10 @@ impl Frame {
     }
 }
 
-/// What the framing let through and what it refused. The counts saturate.
+/// Counts of accepted and refused frames. The counts saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounters {
-    /// Whole frames.
+    /// Complete frames.
     pub whole: u32,
     /// Frames cut by the start of the next one.
     pub cut: u32,
@@ -100,7 +99,7 @@ pub struct FrameCounters {
     pub overlong: u32,
     /// Frames with an escape before a byte that is never escaped.
     pub bad_escape: u32,
-    /// Frames without even a letter.
+    /// Frames without a letter.
     pub empty: u32,
     /// Bytes outside of any frame.
     pub stray_bytes: u32,
@@ -128,10 +127,10 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Takes the next byte; the frame that it completes, if it does.
+    /// Takes the next byte. Returns the frame if the byte completes one.
     pub fn push(&mut self, byte: u8) -> Option<Frame> {
         match (self.state, byte) {
-            // The start and abort marks are never data: they count even where an escaped byte should be.
+            // The start mark and the abort mark are never data: they have their meaning even after an escape.
             (state, START) => {
                 if state != State::Outside {
                     bump(&mut self.counters.cut);
@@ -167,7 +166,7 @@ impl Decoder {
         None
     }
 
-    /// What was let through and refused so far.
+    /// Counts of accepted and refused frames.
     #[must_use]
     pub fn counters(&self) -> FrameCounters {
         self.counters

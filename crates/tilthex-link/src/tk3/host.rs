@@ -1,6 +1,5 @@
-//! The host's end of the conversation: identity, stream rates, starting and
-//! stopping motors, and what the streams say. It keeps the sequence that
-//! `docs/protocols.md` describes without ever waiting.
+//! The host's end of the conversation: identity, stream rates, starting and stopping motors, and the contents of the
+//! streams. It follows the sequence of `docs/protocols.md` and never waits.
 
 use super::{
     Frame, HostMessage, Identity, ImuFrame, MotorFrame, MotorState, MotorValues, Receiver, Stream,
@@ -17,21 +16,22 @@ use tilthex_core::{
     types::{MAX_ROTORS, RotorVector},
 };
 
-/// Between two identity requests, s, and how many there are.
+/// Time between two identity requests, s.
 const IDENTIFY_EVERY: f64 = 0.5;
+/// Number of identity requests.
 const IDENTIFY_TRIES: u32 = 4;
-/// Between two start or stop commands, s.
+/// Time between two start or stop commands, s.
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
-/// Motors that were driven are told to stop for at least this long, whatever they say of themselves, s.
+/// Motors that were driven get stop commands for at least this time, s, whatever state they report.
 const INSIST: f64 = 0.5;
 /// Largest change of a rotor's speed from one sample to the next, Hz.
 const MOTOR_JUMP: f64 = 40.0;
-/// A jump is believed after this many samples that agree with it.
+/// A jump is accepted once this many samples agree with it.
 const PATIENCE: u8 = 4;
-/// A time before any, s.
+/// A time before every other time, s.
 const LONG_AGO: f64 = -1e9;
 
-/// Where the conversation stands.
+/// The state of the conversation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
     Identify { tries: u32, asked: f64 },
@@ -58,16 +58,15 @@ pub struct Host {
     next_motor: usize,
     /// The motor that is driven alone, from 0.
     alone: Option<usize>,
-    /// Motors have been started or turned since the last stop, and until when stops are repeated, s.
+    /// Whether motors were started or turned since the last stop, and the time until which stops are repeated, s.
     driven: bool,
     insist: f64,
 }
 
 impl Host {
-    /// Before the first byte, for a vehicle with `rotor_count` rotors.
-    ///
+    /// The host's end before the first byte, for a vehicle with `rotor_count` rotors.
     /// # Errors
-    /// A stream period that cannot be.
+    /// If the period of a stream is not possible.
     pub fn new(params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
         let motor_gate = Gate::new(GateParams {
             min: [-1e3],
@@ -120,7 +119,7 @@ impl Host {
                 let known = self.imu.know(&identity);
                 self.stage = if known { Stage::Streams { asked: LONG_AGO } } else { Stage::Refused };
             }
-            // Nobody asked: the board has started anew.
+            // The host did not ask for the identity: the board has restarted.
             Stage::Streams { .. } => {
                 self.telemetry.link.rebooted = true;
                 self.stage = Stage::Streams { asked: LONG_AGO };
@@ -143,7 +142,7 @@ impl Host {
             motor.heard = now;
             motor.speed = frame.speed();
             motor.current = f64::from(frame.current_ma) * 1e-3;
-            // No checksum: a state counts when two frames in a row agree.
+            // There is no checksum: a state counts after two equal frames in a row.
             if state.replace(frame.state) == Some(frame.state) {
                 motor.starting = frame.state.is_starting();
                 motor.spinning = frame.state.is_spinning();
@@ -152,7 +151,7 @@ impl Host {
         }
     }
 
-    /// Writes what the conversation needs now: identity requests and stream rates.
+    /// Writes the messages that the conversation needs now: identity requests and stream rates.
     fn talk(&mut self, now: f64, out: &mut Outgoing) {
         match self.stage {
             Stage::Identify { tries, asked } if now - asked >= IDENTIFY_EVERY => {
@@ -184,7 +183,7 @@ impl Host {
         }
     }
 
-    /// Starts the next motor that does not spin, ten times a second.
+    /// Starts the next motor that does not spin. Repeats this ten times a second.
     fn send_start(&mut self, now: f64, out: &mut Outgoing) {
         if now - self.motor_asked < MOTOR_COMMAND_EVERY {
             return;
@@ -199,8 +198,8 @@ impl Host {
         }
     }
 
-    /// Starts one motor and stops every other that turns: at once where it was not this one until now, then ten times a
-    /// second.
+    /// Starts one motor and stops every other motor that turns: at once if another motor was driven until now, then
+    /// ten times a second.
     fn send_alone(&mut self, motor: usize, now: f64, out: &mut Outgoing) {
         let at_once = self.alone.replace(motor) != Some(motor);
         if !at_once && now - self.motor_asked < MOTOR_COMMAND_EVERY {
@@ -217,8 +216,8 @@ impl Host {
         }
     }
 
-    /// Stops all motors: at once where they were driven until now, then ten times a second while one of them
-    /// spins, and for a while in any case.
+    /// Stops all motors: at once if they were driven until now, then ten times a second while one of them spins, and
+    /// in any case for [`INSIST`].
     fn send_stop(&mut self, now: f64, out: &mut Outgoing) {
         let at_once = core::mem::take(&mut self.driven);
         if at_once {
@@ -306,7 +305,7 @@ impl VehicleLink for Host {
     }
 
     fn frames(&self) -> FrameLengths {
-        // The two marks; what is escaped comes on top.
+        // The two marks; escapes are added to this length.
         let length = |frame: Frame| frame.body().len() as u16 + 2;
         let imu = VehicleMessage::Imu(ImuFrame { temperature: Some(0), ..ImuFrame::default() });
         let speeds = [0; MAX_ROTORS];

@@ -1,4 +1,4 @@
-//! What a fault acts on.
+//! What a fault changes: the vehicle, the line, the poses, the host.
 
 use std::collections::VecDeque;
 
@@ -8,17 +8,17 @@ use tilthex_link::tk3::ImuFrame;
 use super::Injection;
 use crate::{Micros, Simulation};
 
-/// What an act on the vehicle has.
+/// The parts of the world that a fault of the vehicle can change.
 pub(super) struct OnVehicle<'a> {
     pub(super) simulation: &'a mut Simulation,
-    /// What its board says because of the act.
+    /// The bytes that the board sends because of the fault.
     pub(super) out: &'a mut Vec<u8>,
     pub(super) random: &'a mut Random,
 }
 
-/// One thing that a fault acts on, and how.
+/// One thing that a fault changes, and the function that changes it.
 pub(super) enum Act {
-    /// The vehicle: as the fault begins, in every period, as it ends.
+    /// The vehicle. Called when the fault begins, in every period, and when it ends.
     Vehicle {
         begin: fn(&Injection, &mut OnVehicle<'_>),
         during: fn(&Injection, &mut OnVehicle<'_>),
@@ -28,39 +28,39 @@ pub(super) enum Act {
     Received(fn(&Injection, &mut Bytes<'_>)),
     /// The bytes to the vehicle, once in each tick.
     Sent(fn(&Injection, &mut Bytes<'_>)),
-    /// A captured pose; none where it is lost.
+    /// A captured pose; returns `None` if it is lost.
     Pose(fn(&Injection, PoseSample, &mut Memory, &mut Random) -> Option<PoseSample>),
-    /// What only the host sees; told each period whether the fault is on.
+    /// A fact that only the host observes; called in each period with whether the fault is active.
     Host(fn(&mut HostFacts, bool)),
     /// The disk of the log: it stands still.
     Disk,
-    /// The program: it does not run for a while.
+    /// The program does not run for some time.
     Stopped,
-    /// The program: it does not run for a while from the middle of a tick, between reading and writing.
+    /// The program does not run for some time, from the middle of a tick: after it read and before it writes.
     Stalled,
 }
 
 /// Bytes on the line that a fault may change.
 pub(super) struct Bytes<'a> {
     pub(super) bytes: &'a mut Vec<u8>,
-    /// What the fault holds back, with the time at which it goes on.
+    /// Bytes that the fault holds back, each with the time at which they continue.
     pub(super) held: &'a mut Held,
-    /// The first inertial sample that the fault met.
+    /// The first inertial sample while the fault was active.
     pub(super) imu: &'a mut Option<ImuFrame>,
     pub(super) random: &'a mut Random,
     pub(super) now: Micros,
     pub(super) rotors: usize,
 }
 
-/// Bytes that are held back, with the time at which they go on.
+/// Bytes that are held back, each with the time at which they continue.
 pub(super) type Held = VecDeque<(Micros, Vec<u8>)>;
 
-/// What a fault remembers while it lasts.
+/// What a fault remembers while it is active.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Memory {
-    /// The first pose it met.
+    /// The first pose while it was active.
     pub(super) pose: Option<PoseSample>,
-    /// The first inertial sample it met.
+    /// The first inertial sample while it was active.
     pub(super) imu: Option<ImuFrame>,
     /// Bytes from the vehicle that it holds back.
     pub(super) received: Held,

@@ -1,18 +1,18 @@
-//! What can go wrong with captured poses.
+//! Faults of captured poses.
 
 use tilthex_core::{Matrix3, Vector3, random::Random, so3, types::PoseSample};
 
 use super::{Injection, acts::Memory};
 
-/// Noise on a pose that repeats itself, m.
+/// Noise on a frozen pose, m.
 const FROZEN_NOISE: f64 = 0.5e-3;
 
-/// No pose.
+/// The pose is lost.
 pub(super) fn lose(_: &Injection, _: PoseSample, _: &mut Memory, _: &mut Random) -> Option<PoseSample> {
     None
 }
 
-/// Some poses are turned by half a turn.
+/// Some poses are rotated by 180 deg.
 pub(super) fn flip(
     fault: &Injection,
     mut pose: PoseSample,
@@ -25,7 +25,7 @@ pub(super) fn flip(
     Some(pose)
 }
 
-/// Displaced poses.
+/// The pose is displaced.
 pub(super) fn jump(
     fault: &Injection,
     mut pose: PoseSample,
@@ -36,7 +36,7 @@ pub(super) fn jump(
     Some(pose)
 }
 
-/// Times of another clock.
+/// The capture time is that of another clock.
 pub(super) fn shift_clock(
     fault: &Injection,
     mut pose: PoseSample,
@@ -47,7 +47,7 @@ pub(super) fn shift_clock(
     Some(pose)
 }
 
-/// The first pose again and again.
+/// The first pose is sent again and again.
 pub(super) fn freeze(
     _: &Injection,
     pose: PoseSample,
@@ -58,7 +58,7 @@ pub(super) fn freeze(
     Some(PoseSample { time: pose.time, arrival: pose.arrival, ..*first })
 }
 
-/// The same with a little noise.
+/// The first pose is sent again and again, with a little noise.
 pub(super) fn freeze_with_noise(
     fault: &Injection,
     pose: PoseSample,
@@ -70,7 +70,7 @@ pub(super) fn freeze_with_noise(
     Some(pose)
 }
 
-/// What some systems send of a body that they do not see.
+/// Some capture systems send this pose for a body that they do not see.
 pub(super) fn default_pose(
     _: &Injection,
     pose: PoseSample,
@@ -80,7 +80,7 @@ pub(super) fn default_pose(
     Some(PoseSample { position_w: Vector3::zeros(), rotation_wr: Matrix3::identity(), ..pose })
 }
 
-/// A body that is carried about at 0.3 m/s, away from where this one was.
+/// The pose of another body, which moves at 0.3 m/s from a place beside the vehicle.
 pub(super) fn other_body(
     fault: &Injection,
     pose: PoseSample,
@@ -97,7 +97,7 @@ pub(super) fn other_body(
     })
 }
 
-/// Late poses whose time is that of their arrival.
+/// The pose arrives late, and its time is that of its arrival.
 pub(super) fn stamp_on_arrival(
     fault: &Injection,
     mut pose: PoseSample,
@@ -110,7 +110,7 @@ pub(super) fn stamp_on_arrival(
     Some(pose)
 }
 
-/// A body that was defined turned about its vertical.
+/// The body was defined with a rotation about its vertical.
 pub(super) fn yaw(
     fault: &Injection,
     mut pose: PoseSample,
@@ -121,7 +121,7 @@ pub(super) fn yaw(
     Some(pose)
 }
 
-/// A body that was defined tilted.
+/// The body was defined with a tilt.
 pub(super) fn tilt(
     fault: &Injection,
     mut pose: PoseSample,
@@ -133,7 +133,7 @@ pub(super) fn tilt(
     Some(pose)
 }
 
-/// The world's vertical is the capture system's y axis, and the body was defined at the identity.
+/// The y axis of the capture system is vertical, and the body was defined at the identity.
 pub(super) fn y_up(
     _: &Injection,
     mut pose: PoseSample,

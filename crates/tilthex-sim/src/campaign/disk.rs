@@ -1,11 +1,11 @@
-//! The log of a campaign's flight: the loop's own ring, and a disk that may stand still.
+//! The log of a campaign's flight: the ring of the real loop, and a disk that can stand still.
 
 use rtrb::Consumer;
 use tilthex_link::LinkedOutput;
 
 use crate::feed::{Feed, Tick, Timing};
 
-/// A ring that is emptied every tick, as long as the disk takes it.
+/// A ring that is emptied in every tick while the disk does not stand still.
 #[derive(Debug)]
 pub(super) struct Disk {
     feed: Feed,
@@ -21,7 +21,7 @@ impl Default for Disk {
     }
 }
 
-/// What flights share is cloned; each has a log of its own.
+/// A clone gets its own empty log: flights that start from a shared world do not share a log.
 impl Clone for Disk {
     fn clone(&self) -> Self {
         Self::default()
@@ -29,7 +29,7 @@ impl Clone for Disk {
 }
 
 impl Disk {
-    /// Records a tick, and writes what waits unless the disk stands still.
+    /// Records a tick, and empties the ring unless the disk stands still.
     pub(super) fn record(&mut self, out: &LinkedOutput, stands_still: bool) {
         self.feed.push(&Tick::new(out, Timing::default()));
         self.pushed += 1;
@@ -38,12 +38,12 @@ impl Disk {
         }
     }
 
-    /// Whether every tick is written, waits to be, or was counted as dropped.
+    /// Whether every tick is written, waits in the ring, or was counted as dropped.
     pub(super) fn accounts_for_all(&self) -> bool {
         self.written + self.ticks.slots() as u64 + self.feed.dropped() == self.pushed
     }
 
-    /// Ticks that were dropped.
+    /// How many ticks were dropped.
     pub(super) fn dropped(&self) -> u64 {
         self.feed.dropped()
     }

@@ -1,4 +1,4 @@
-//! A fault of one flight: which, when, for how long, how bad.
+//! A fault of one flight: its kind, begin, duration and strength.
 
 use tilthex_core::{Vector3, random::Random};
 
@@ -7,24 +7,24 @@ use super::kinds::Kind;
 /// A fault of one flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Injection {
-    /// Which.
+    /// Its kind.
     pub kind: Kind,
     /// When it begins, s after the flight's start.
     pub begin: f64,
-    /// For how long it lasts, s.
+    /// Its duration, s.
     pub duration: f64,
-    /// How bad it is, 0 to 1.
+    /// Its strength, 0 to 1.
     pub strength: f64,
-    /// Which rotor, axis or direction it hits.
+    /// The number that chooses the rotor, the axis or the direction.
     pub index: usize,
 }
 
-/// The time of a fault that is there from power-on, and stays, s.
+/// The duration of a fault that is there from power-on and stays, s.
 const FOR_GOOD: f64 = 1e6;
 
 impl Injection {
-    /// A random fault of one of some kinds, at least one, on a vehicle with `rotors` rotors. It begins within `window`
-    /// seconds; a kind that is built in is there from the start.
+    /// A random fault for a vehicle with `rotors` rotors. Its kind is one of `kinds`, which holds at least one. It
+    /// begins within `window` seconds; a built-in fault begins at power-on.
     pub fn random(random: &mut Random, kinds: &[Kind], window: f64, rotors: usize) -> Self {
         let kind = kinds[(random.bits() % kinds.len() as u64) as usize];
         let (begin, duration) = (window * random.uniform(), 0.02 + 3.0 * random.uniform() * random.uniform());
@@ -33,22 +33,22 @@ impl Injection {
         Self { kind, begin, duration, strength, index: (random.bits() % (6 * rotors as u64)) as usize }
     }
 
-    /// Between `low` and `high`, by its strength, in equal ratios.
+    /// A value between `low` and `high` that grows geometrically with the strength.
     pub(super) fn between(&self, low: f64, high: f64) -> f64 {
         low * (high / low).powf(self.strength)
     }
 
-    /// The rotor that it hits, from 0, of `rotors`.
+    /// The index of the rotor that the fault changes, of `rotors` rotors.
     pub(super) fn rotor(&self, rotors: usize) -> usize {
         self.index % rotors
     }
 
-    /// +1 or -1.
+    /// The sign of the fault: +1 or -1.
     pub(super) fn sign(&self) -> f64 {
         if (self.index / 3).is_multiple_of(2) { 1.0 } else { -1.0 }
     }
 
-    /// A unit vector along one axis, either way.
+    /// A unit vector along one axis, in either direction.
     pub(super) fn direction(&self) -> Vector3 {
         let mut axis = Vector3::zeros();
         axis[self.index % 3] = self.sign();

@@ -1,4 +1,4 @@
-//! What one flight came to, and what must not happen in any.
+//! The outcome of one flight, and what counts as a failure.
 
 use tilthex_core::{
     Vector3,
@@ -9,42 +9,42 @@ use tilthex_link::tk3::{self, HostMessage, Receiver};
 
 use super::{Injection, World};
 
-/// Farther from its start, horizontally or upwards, a vehicle has flown away, m.
+/// A vehicle that is farther than this from its start, horizontally or upwards, has flown away, m.
 const FLY_AWAY: f64 = 3.0;
-/// Faster than this, no vehicle that can carry itself may fly, m/s.
+/// Largest allowed speed of a vehicle that can carry itself, m/s.
 const FAST: f64 = 3.5;
-/// Higher than this over its start, motors are not stopped, m.
+/// Largest height above the start at which motors may be stopped, m.
 const LOW: f64 = 0.1;
-/// The same where the watch on the lift-off found a fault, m: a stop there is the gentle end.
+/// As [`LOW`], if the watch of the lift-off found a fault, m: there a stop of the motors is the safest end.
 const LOW_AT_FIRST: f64 = 0.35;
-/// A vehicle that ends well is where it believes it is, m.
+/// Largest error of the estimated position of a flight that ends with success, m.
 const BELIEF: f64 = 0.3;
 /// A touch-down faster than this is hard, m/s.
 pub(super) const HARD: f64 = 1.5;
 
-/// What one flight came to.
+/// The outcome of one flight.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// What was done to it.
+    /// Its faults.
     pub injections: Vec<Injection>,
-    /// The worst that the supervisor did.
+    /// The strongest reaction of the supervisor.
     pub reaction: Reaction,
-    /// Faults that it saw in flight.
+    /// Faults that the supervisor saw in flight.
     pub seen: FaultSet,
-    /// Largest true distance from the reference while it flew or held, m.
+    /// Largest true distance of the tool from the reference while the vehicle flew or held, m.
     pub deviation: f64,
     /// Fastest touch-down, m/s.
     pub impact: f64,
-    /// Its motors were off at the end, and it lay still.
+    /// Whether its motors were off at the end, and it was at rest.
     pub ended: bool,
-    /// It came to rest otherwise than on its feet.
+    /// Whether it came to rest in another attitude than on its feet.
     pub toppled: bool,
-    /// What must not have happened.
+    /// What went wrong, if the flight failed.
     pub failure: Option<String>,
 }
 
 impl Outcome {
-    /// Of a flight that nothing is known of yet.
+    /// The outcome before the flight.
     pub(super) fn of(injections: Vec<Injection>) -> Self {
         Self {
             injections,
@@ -59,14 +59,14 @@ impl Outcome {
     }
 }
 
-/// Follows one flight.
+/// Observes one flight, and decides whether it fails.
 pub(super) struct Judge {
     pub(super) outcome: Outcome,
     receiver: Receiver<HostMessage>,
     start: Vector3,
     limits: (f64, f64),
     rotors: usize,
-    /// It was in the air.
+    /// Whether it was in the air.
     pub(super) flew: bool,
     /// When it took off, s.
     took_off: Option<f64>,
@@ -74,7 +74,7 @@ pub(super) struct Judge {
 }
 
 impl Judge {
-    /// Of a world before its first tick.
+    /// The judge of a world before its first tick.
     pub(super) fn new(world: &World, injections: Vec<Injection>) -> Self {
         let vehicle = world.simulation.vehicle();
         let rotors = vehicle.rotors();
@@ -97,7 +97,7 @@ impl Judge {
         self.outcome.failure.get_or_insert_with(|| format!("{:.3} s: {what}", world.now()));
     }
 
-    /// Looks at what the controller did in a tick.
+    /// Checks the actions of the controller in a tick.
     pub(super) fn look(&mut self, world: &World) {
         let record = world.record();
         let in_flight = record.phase.in_flight();
@@ -110,7 +110,7 @@ impl Judge {
             self.check(world, &message, record);
         }
         if self.receiver.counters().refused() > 0 || self.receiver.counters().frames.stray_bytes > 0 {
-            self.fail(world, "sent bytes that are no message");
+            self.fail(world, "sent bytes that are not a message");
         }
         if let Some(fault) = world.log_fault() {
             self.fail(world, fault);
@@ -127,7 +127,13 @@ impl Judge {
             Phase::Disarmed | Phase::Starting | Phase::Grounded => true,
         };
         if !listed {
-            self.fail(world, format_args!("{} is not what the table lists", record.phase.name()));
+            self.fail(
+                world,
+                format_args!(
+                    "the phase is {}, which the table of faults does not list for these faults",
+                    record.phase.name()
+                ),
+            );
         }
         let reaction = match record.phase {
             Phase::Holding => Reaction::Hold,
@@ -148,7 +154,7 @@ impl Judge {
         match message {
             HostMessage::Speeds(values) => {
                 let (low, high) = self.limits;
-                // A set-point is a whole number of microseconds, which rounds the speed up by up to 1 %.
+                // A set-point is a whole number of microseconds, so that rounding increases the speed by up to 1 %.
                 let within = |&value: &i16| (0.99 * low..=1.03 * high).contains(&tk3::speed(value));
                 if values.as_slice().len() != self.rotors || !values.as_slice().iter().all(within) {
                     self.fail(world, format_args!("sent {message:?}"));
@@ -168,7 +174,7 @@ impl Judge {
         }
     }
 
-    /// Looks at what the vehicle did.
+    /// Checks the motion of the vehicle.
     pub(super) fn watch(&mut self, world: &World) {
         let robot = world.simulation.truth().robot;
         let way = robot.position_w - self.start;
@@ -186,7 +192,7 @@ impl Judge {
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
     }
 
-    /// Looks at how the program would end: with success only where the vehicle is where it believes it is.
+    /// Checks the end of the program: it may end with success only if the vehicle is where it believes it is.
     pub(super) fn conclude(&mut self, world: &World) {
         let supervisor = world.linked.flight.supervisor();
         if !world.linked.finished() || supervisor.ended_by().is_some() {
@@ -195,11 +201,11 @@ impl Judge {
         let believed = world.record().state.position_w;
         let off = (believed - world.simulation.truth().robot.position_w).norm();
         if off > BELIEF {
-            self.fail(world, format_args!("ended with success, {off:.2} m from where it believes it is"));
+            self.fail(world, format_args!("ended with success {off:.2} m away from the estimated position"));
         }
     }
 
-    /// Whether nothing more will happen: it lies on the ground and its host knows no more to do.
+    /// Whether nothing more will happen: the vehicle is on the ground, and a fault has ended the flight.
     pub(super) fn done(&self, world: &World) -> bool {
         !self.flew
             && world.linked.flight.supervisor().ended_by().is_some()

@@ -1,11 +1,11 @@
-//! The kinds of faults: one row each, with what it acts on. A row without an action cannot be written.
+//! The kinds of faults. Each has one row, which lists at least one thing that the fault changes.
 
 use super::{
     acts::Act::{self, *},
     capture, line, vehicle,
 };
 
-/// Declares the kinds: name, what it does in words, what it acts on, and what is special about it.
+/// Declares the kinds: name, description, what it changes, and a special property.
 macro_rules! kinds {
     ($( $name:ident, $text:literal, [$($act:expr),+] $(, $special:ident)?; )*) => {
         /// A kind of fault.
@@ -16,10 +16,10 @@ macro_rules! kinds {
         }
 
         impl Kind {
-            /// Every kind.
+            /// All kinds.
             pub const ALL: &[Self] = &[$( Self::$name ),*];
 
-            /// What it does.
+            /// A description of the fault.
             #[must_use]
             pub fn text(self) -> &'static str {
                 match self {
@@ -27,7 +27,7 @@ macro_rules! kinds {
                 }
             }
 
-            /// What it acts on.
+            /// What the fault changes.
             pub(super) fn acts(self) -> &'static [Act] {
                 match self {
                     $( Self::$name => const { &[$($act),+] }, )*
@@ -43,7 +43,7 @@ macro_rules! kinds {
     };
 }
 
-/// What is special about a kind.
+/// A special property of a kind.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Special {
     Nothing,
@@ -110,14 +110,14 @@ kinds! {
 }
 
 impl Kind {
-    /// Whether the vehicle can no longer be expected to carry itself: then it
-    /// may come down hard and aside, and still no motor is stopped in the air.
+    /// Whether the vehicle may be unable to carry its weight. Then it may come down hard and away from its start, but
+    /// no motor may be stopped in the air.
     #[must_use]
     pub fn takes_lift(self) -> bool {
         self.special() == Special::TakesLift
     }
 
-    /// Whether it is there from power-on and stays: wiring and mounting.
+    /// Whether the fault is there from power-on and stays, as wrong wiring or mounting does.
     #[must_use]
     pub fn is_built_in(self) -> bool {
         self.special() == Special::BuiltIn

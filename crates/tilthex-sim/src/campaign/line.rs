@@ -1,11 +1,11 @@
-//! What can go wrong on the line to the vehicle.
+//! Faults of the line to the vehicle.
 
 use tilthex_link::tk3::{MAX_FRAME, Receiver, VehicleMessage};
 
 use super::{Injection, acts::Bytes};
 use crate::Micros;
 
-/// A bit of a byte in some.
+/// One bit is flipped in some of the bytes.
 pub(super) fn flip_bits(fault: &Injection, line: &mut Bytes<'_>) {
     let every = fault.between(20.0, 2000.0);
     for byte in line.bytes.iter_mut() {
@@ -15,12 +15,12 @@ pub(super) fn flip_bits(fault: &Injection, line: &mut Bytes<'_>) {
     }
 }
 
-/// Every byte.
+/// All bytes are lost.
 pub(super) fn silence(_: &Injection, line: &mut Bytes<'_>) {
     line.bytes.clear();
 }
 
-/// Some frames do not arrive.
+/// Some frames are lost.
 pub(super) fn lose(fault: &Injection, line: &mut Bytes<'_>) {
     each_frame(fault, line, |_, hit, frame, out| {
         if !hit {
@@ -39,7 +39,7 @@ pub(super) fn duplicate(fault: &Injection, line: &mut Bytes<'_>) {
     });
 }
 
-/// Some frames arrive in part.
+/// Some frames arrive incomplete.
 pub(super) fn cut(fault: &Injection, line: &mut Bytes<'_>) {
     each_frame(fault, line, |draw, hit, frame, out| {
         let whole = frame.len();
@@ -48,7 +48,7 @@ pub(super) fn cut(fault: &Injection, line: &mut Bytes<'_>) {
     });
 }
 
-/// Frames change places.
+/// Frames arrive in another order.
 pub(super) fn reorder(_: &Injection, line: &mut Bytes<'_>) {
     let mut parts = frames(line.bytes);
     for i in (1..parts.len()).rev() {
@@ -65,7 +65,7 @@ pub(super) fn garbage(fault: &Injection, line: &mut Bytes<'_>) {
     }
 }
 
-/// Everything arrives late.
+/// All bytes arrive late.
 pub(super) fn delay(fault: &Injection, line: &mut Bytes<'_>) {
     let delay = (1e3 * fault.between(5.0, 60.0)) as Micros;
     line.held.push_back((line.now + delay, std::mem::take(line.bytes)));
@@ -74,7 +74,7 @@ pub(super) fn delay(fault: &Injection, line: &mut Bytes<'_>) {
     }
 }
 
-/// The IMU says the same again, with new numbers.
+/// The IMU repeats a sample, with new sequence numbers.
 pub(super) fn freeze_imu(_: &Injection, line: &mut Bytes<'_>) {
     let first = &mut *line.imu;
     *line.bytes = altered(line.bytes, |message| {
@@ -86,7 +86,7 @@ pub(super) fn freeze_imu(_: &Injection, line: &mut Bytes<'_>) {
     });
 }
 
-/// The speed of one rotor is said to be zero.
+/// The measured speed of one rotor is zero.
 pub(super) fn zero_speed(fault: &Injection, line: &mut Bytes<'_>) {
     let hit = fault.rotor(line.rotors) as u8 + 1;
     *line.bytes = altered(line.bytes, |message| {
@@ -99,7 +99,7 @@ pub(super) fn zero_speed(fault: &Injection, line: &mut Bytes<'_>) {
     });
 }
 
-/// The messages in some bytes, changed; what is no message stays away.
+/// The messages in some bytes, after a change of each. Bytes that are no message are removed.
 fn altered(bytes: &[u8], mut change: impl FnMut(&mut VehicleMessage)) -> Vec<u8> {
     let mut receiver = Receiver::<VehicleMessage>::default();
     let mut out = Vec::with_capacity(bytes.len());
@@ -112,7 +112,7 @@ fn altered(bytes: &[u8], mut change: impl FnMut(&mut VehicleMessage)) -> Vec<u8>
     out
 }
 
-/// Hands each frame on with whether it is hit, and a random number.
+/// Calls `pass` for each frame, with a random number and whether the fault hits the frame.
 fn each_frame(fault: &Injection, line: &mut Bytes<'_>, pass: impl Fn(u64, bool, &[u8], &mut Vec<u8>)) {
     let mut out = Vec::with_capacity(line.bytes.len());
     for frame in frames(line.bytes) {
@@ -122,7 +122,7 @@ fn each_frame(fault: &Injection, line: &mut Bytes<'_>, pass: impl Fn(u64, bool, 
     *line.bytes = out;
 }
 
-/// The frames in some bytes, each from its mark to the next one's; bytes before the first are one too.
+/// The frames in some bytes, each from its mark to the next mark. Bytes before the first mark count as a frame.
 fn frames(bytes: &[u8]) -> Vec<&[u8]> {
     let mut starts: Vec<_> = (0..bytes.len()).filter(|&i| i == 0 || bytes[i] == b'^').collect();
     starts.push(bytes.len());

@@ -1,9 +1,8 @@
-//! The fault campaign: many random faulty flights on virtual time, through the
-//! real codecs, estimator, supervisor and controller.
-//!
-//! A flight fails on a panic, on a byte that should not have been sent, on a
-//! reaction that the table of faults does not list, on a fly-away, on a speed above the limit, on motors
-//! that are stopped in the air, and on an end with success where the vehicle is not where it believes.
+//! The fault campaign: many flights with random faults on virtual time, through the real codecs, estimator,
+//! supervisor and controller.
+//! A flight fails on each of these: a panic; a byte that must not be sent; a reaction that the table of faults does
+//! not list; a fly-away; a speed above the limit; motors that are stopped in the air; an end with success although
+//! the vehicle is not where it believes it is.
 
 mod acts;
 mod capture;
@@ -40,17 +39,17 @@ use story::Story;
 use crate::{SimError, Simulation, SimulationParams};
 use tilthex_config::{Config, TruthSection, VehicleSection};
 
-/// Faults begin within this time of the hover, s.
+/// Faults begin within this time from the begin of the hover, s.
 const WINDOW: f64 = 3.0;
-/// Faults of flights that are watched from power-on begin within this time, s.
+/// Faults of flights from power-on begin within this time, s.
 const WHOLE_WINDOW: f64 = 14.0;
-/// After this long on its mission a flight is ordered to land, s.
+/// A flight is ordered to land after this time on its mission, s.
 const MISSION: f64 = 7.0;
-/// A flight that has not ended by then is not watched any longer, s.
+/// The longest flight, s. After this time it counts as not ended.
 const LONGEST: f64 = 45.0;
-/// Ticks after the motors' stop before it is said whether the vehicle stands.
+/// Ticks between the stop of the motors and the test whether the vehicle stands.
 const SETTLING: usize = 1000;
-/// Stack of a thread that flies: a world takes 150 kB, and is moved about by value, bytes.
+/// Stack of a thread that flies, bytes. A world takes 150 kB and is moved by value.
 const STACK: usize = 16 << 20;
 /// One flight in this many is flown from power-on.
 const WHOLE_EVERY: u64 = 4;
@@ -61,7 +60,7 @@ pub fn fly(world: World, injections: Vec<Injection>, seed: u64) -> Outcome {
     fly_seen(world, injections, seed, &mut |_| ())
 }
 
-/// [`fly`], and `see` looks at the world after every period.
+/// As [`fly`]; calls `see` with the world after every period.
 fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut dyn FnMut(&World)) -> Outcome {
     world.inject(injections.clone(), seed);
     let mut judge = Judge::new(&world, injections);
@@ -93,22 +92,23 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
     judge.outcome
 }
 
-/// A world at the moment its mission begins: the part that all flights share.
-///
+/// A world at the moment at which its mission begins. All flights of a campaign share it.
 /// # Errors
-/// Where even a flight without faults does not get that far.
+/// If a flight without faults does not reach its mission.
 pub fn hover(params: LinkedParams) -> Result<World, SimError> {
     let simulated = SimulationParams::new(params.flight.vehicle);
     rise(on_the_ground(params, simulated, 1)?)
 }
 
-/// Lets a flight go on until its mission begins.
+/// Flies until the mission begins.
 fn rise(mut world: World) -> Result<World, SimError> {
     while !world.linked.flight.on_mission() {
         world.tick(None);
         if world.now() > 30.0 {
             let phase = world.linked.flight.supervisor().phase().name();
-            return Err(SimError::flight(format!("a flight without faults is still {phase} after 30 s")));
+            return Err(SimError::flight(format!(
+                "a flight without faults is still {phase} after 30 s; expected its mission by then"
+            )));
         }
     }
     Ok(world)
@@ -119,7 +119,7 @@ fn on_the_ground(params: LinkedParams, simulated: SimulationParams, seed: u64) -
     Ok(World::new(Simulation::new(SimulationParams { seed, ..simulated }), linked, seed))
 }
 
-/// The vehicles of a campaign: one for all flights that is its model, or one drawn for each.
+/// The vehicles of a campaign: the model for all flights, or one that is drawn for each flight.
 struct Fleet<'a> {
     params: LinkedParams,
     model: &'a VehicleSection,
@@ -127,7 +127,7 @@ struct Fleet<'a> {
 }
 
 impl Fleet<'_> {
-    /// Of a configuration.
+    /// The vehicles of a configuration.
     fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
         let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
         Ok(Fleet { params, model: config.vehicle(), truth })
@@ -139,17 +139,16 @@ impl Fleet<'_> {
         on_the_ground(self.params, SimulationParams::of(&drawn)?, seed)
     }
 
-    /// The hover that all flights begin with, where their vehicles are one.
+    /// The hover from which all flights begin, if they have the same vehicle.
     fn shared(&self) -> Result<Option<World>, SimError> {
         (*self.truth == TruthSection::default()).then(|| hover(self.params)).transpose()
     }
 }
 
-/// Flies `count` flights with the seeds from `first` on, with faults of some kinds, on every processor. Where the
-/// truth is not the model, each flight has a vehicle of its own.
-///
+/// Flies `count` flights with the seeds from `first` on, with faults of the given kinds, on all processors. If the
+/// truth differs from the model, each flight has its own vehicle.
 /// # Errors
-/// Where the configuration cannot fly even without faults.
+/// If the vehicle cannot reach its mission without faults.
 pub fn run(
     config: &Config,
     truth: &TruthSection,
@@ -177,7 +176,7 @@ pub fn run(
         for _ in 0..threads {
             let hovering = hovering.clone();
             let worker = &worker;
-            // A thread that cannot be had leaves its flights to the others.
+            // If a thread cannot be created, the other threads fly its flights.
             let spawned =
                 std::thread::Builder::new().stack_size(STACK).spawn_scoped(scope, move || worker(hovering));
             threads_had += usize::from(spawned.is_ok());
@@ -185,16 +184,15 @@ pub fn run(
     });
     if threads_had == 0 {
         return Err(SimError::world(
-            "no thread could be had for the flights; expected at least one: free some memory",
+            "no thread could be created for the flights; expected at least one: free some memory",
         ));
     }
     Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Flies the flight of one seed again and tells its story.
-///
+/// Flies the flight of one seed again, and returns what happened in it.
 /// # Errors
-/// Where the configuration cannot fly even without faults.
+/// If the vehicle cannot reach its mission without faults.
 pub fn again(
     config: &Config,
     truth: &TruthSection,

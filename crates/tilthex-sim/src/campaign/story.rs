@@ -1,4 +1,4 @@
-//! What happened in one flight, for people who fly a failure again.
+//! The story of one flight: its changes of phase and its faults.
 
 use std::fmt::Write as _;
 
@@ -9,10 +9,10 @@ use tilthex_core::{
 
 use super::World;
 
-/// Between two lines without an event, s.
+/// Time between two lines if nothing changes, s.
 const EVERY: f64 = 0.25;
 
-/// A line for every change of phase or faults, and in between.
+/// A line for every change of the phase or the faults, and one every [`EVERY`].
 #[derive(Debug, Default)]
 pub(super) struct Story {
     text: String,

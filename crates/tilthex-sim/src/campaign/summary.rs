@@ -1,4 +1,4 @@
-//! The table of a campaign: reactions and worst figures by kind of fault.
+//! The table of a campaign: reactions and largest errors for each kind of fault.
 
 use std::{collections::BTreeMap, fmt::Write as _};
 
@@ -9,7 +9,7 @@ use super::{
     judge::{HARD, Outcome},
 };
 
-/// Figures of a kind of fault.
+/// The figures of one kind of fault.
 #[derive(Clone, Debug, Default)]
 struct Tally {
     flights: u64,
@@ -30,7 +30,7 @@ pub struct Summary {
 }
 
 impl Summary {
-    /// Takes in the flight of a seed.
+    /// Adds the flight of a seed.
     pub(super) fn add(&mut self, seed: u64, outcome: &Outcome) {
         if let Some(failure) = &outcome.failure {
             let kinds: Vec<_> = outcome.injections.iter().map(|i| format!("{:?}", i.kind)).collect();
@@ -57,7 +57,7 @@ impl Summary {
         }
     }
 
-    /// What went wrong in the flights that failed, by their seeds.
+    /// What went wrong in the flights that failed, by seed.
     #[must_use]
     pub fn failures(&self) -> &BTreeMap<u64, String> {
         &self.failures

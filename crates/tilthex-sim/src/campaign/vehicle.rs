@@ -1,4 +1,4 @@
-//! What can go wrong with the vehicle, its wiring and its sensors, and what pushes it.
+//! Faults of the vehicle, its wiring and its sensors, and pushes on it.
 
 use tilthex_core::{
     Vector3, Wrench,
@@ -10,20 +10,20 @@ use super::{
     acts::{Act, OnVehicle},
 };
 
-/// What a damaged part keeps doing: nothing changes until the flight is over.
+/// Nothing: the damage stays until the flight is over.
 fn nothing(_: &Injection, _: &mut OnVehicle<'_>) {}
 
-/// Something that is done once and stays.
+/// A change that is made once and stays.
 const fn lasting(begin: fn(&Injection, &mut OnVehicle<'_>)) -> Act {
     Act::Vehicle { begin, during: nothing, end: nothing }
 }
 
-/// Other sensors for a while.
+/// Sensors that are different while the fault is active.
 const fn sensors(begin: fn(&Injection, &mut OnVehicle<'_>)) -> Act {
     Act::Vehicle { begin, during: nothing, end: own_sensors }
 }
 
-/// Something that presses on the vehicle for a while.
+/// A wrench on the vehicle while the fault is active.
 const fn pressing(during: fn(&Injection, &mut OnVehicle<'_>)) -> Act {
     Act::Vehicle { begin: nothing, during, end: released }
 }
@@ -119,19 +119,19 @@ pub(super) const PUSH_ON_ARM: Act = pressing(|fault, on| {
 });
 
 pub(super) const GUSTS: Act = pressing(|fault, on| {
-    // A force that wanders about its mean with a time constant of 1 s.
+    // A random force about a mean, with a time constant of 1 s.
     let mean = fault.direction() * 0.7 * fault.between(0.5, 5.0);
     let now = on.simulation.disturbance().force;
     let force = now + (mean - now) * 0.002 + on.random.normal3(0.03 * mean.norm());
     on.simulation.disturb(Wrench::ZERO, Wrench { force, torque: Vector3::zeros() });
 });
 
-/// The rotor that a fault hits, from 0.
+/// The rotor that a fault changes, from 0.
 fn rotor(fault: &Injection, on: &OnVehicle<'_>) -> usize {
     fault.rotor(on.simulation.vehicle().rotor_count())
 }
 
-/// A unit vector in any direction.
+/// A unit vector in a direction that the fault chooses.
 fn towards(fault: &Injection) -> Vector3 {
     let (turn, rise) = (2.4 * fault.index as f64, 2.0 * (7.3 * fault.strength).fract() - 1.0);
     let level = (1.0 - rise * rise).sqrt();

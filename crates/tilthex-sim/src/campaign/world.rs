@@ -1,5 +1,5 @@
-//! The complete loop on virtual time: the simulated vehicle, the real codecs,
-//! estimator, supervisor and controller, and what is done to them.
+//! The complete loop on virtual time: the simulated vehicle, the real codecs, estimator, supervisor and controller,
+//! and the faults.
 
 use std::collections::VecDeque;
 
@@ -21,14 +21,14 @@ use crate::{STEP, Simulation};
 const CYCLES: u64 = 2;
 /// Ticks between two poses.
 const CAPTURE_EVERY: u64 = 5;
-/// Poses come this late, s, and up to half as much more.
+/// The smallest delay of a pose, s; the largest is 1.5 times this.
 const CAPTURE_LATENCY: f64 = 0.008;
-/// Bytes that wait for a loop that does not read.
+/// How many bytes wait at most for a loop that does not read.
 const LINE_BUFFER: usize = 4096;
-/// The host's clock when the board was powered, s.
+/// The host's time when the board was powered, s.
 const EPOCH: f64 = 100.0;
 
-/// A way on the line.
+/// A direction on the line.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Way {
     /// From the vehicle.
@@ -37,7 +37,7 @@ enum Way {
     Sent,
 }
 
-/// Whether a fault lasts now, and what it remembers.
+/// Whether a fault is active, and what it remembers.
 #[derive(Clone, Debug, Default)]
 struct Active {
     on: bool,
@@ -45,16 +45,16 @@ struct Active {
     memory: Memory,
 }
 
-/// A vehicle, its controller and their faults.
+/// A vehicle, its controller and the faults of both.
 #[derive(Clone)]
 pub struct World {
     /// The vehicle.
     pub simulation: Simulation,
     /// Its controller, behind its link.
     pub linked: LinkedFlight,
-    /// Facts that only the host can observe.
+    /// Facts that only the host observes.
     pub host: HostFacts,
-    /// What is done to them.
+    /// Their faults.
     pub injections: Vec<Injection>,
     out: LinkedOutput,
     to_host: Vec<u8>,
@@ -63,13 +63,13 @@ pub struct World {
     random: Random,
     ticks: u64,
     stopped: u64,
-    /// Commands of a tick in which the program stands still.
+    /// Commands of the tick in which the program stands still.
     unsent: Option<Vec<u8>>,
     disk: Disk,
 }
 
 impl World {
-    /// A flight that begins, without faults.
+    /// A flight that begins without faults.
     #[must_use]
     pub fn new(simulation: Simulation, linked: LinkedFlight, seed: u64) -> Self {
         Self {
@@ -89,7 +89,7 @@ impl World {
         }
     }
 
-    /// Faults from now on, with randomness of their own; their times count from now.
+    /// Adds faults with their own seed. Their times count from now.
     pub fn inject(&mut self, injections: Vec<Injection>, seed: u64) {
         self.random = Random::new(seed);
         self.active = vec![Active::default(); injections.len()];
@@ -100,7 +100,7 @@ impl World {
         }
     }
 
-    /// Seconds since the board was powered.
+    /// Time since the board was powered, s.
     #[must_use]
     pub fn now(&self) -> f64 {
         self.simulation.now() as f64 * 1e-6
@@ -112,18 +112,19 @@ impl World {
         self.out.wire.sent.bytes()
     }
 
-    /// What is wrong with the log: ticks that are neither written nor counted, or lost without need.
+    /// What is wrong with the log: a tick that is neither written nor counted, or a tick that was dropped though the
+    /// disk did not stand still.
     pub(super) fn log_fault(&self) -> Option<&'static str> {
         let may_drop =
             self.injections.iter().any(|i| i.kind.acts().iter().any(|act| matches!(act, Act::Disk)));
         match (self.disk.accounts_for_all(), self.disk.dropped()) {
             (false, _) => Some("the log lost a tick that was not counted"),
-            (_, 1..) if !may_drop => Some("the log dropped a tick though the disk took them"),
+            (_, 1..) if !may_drop => Some("the log dropped a tick though the disk did not stand still"),
             _ => None,
         }
     }
 
-    /// What the last tick gave.
+    /// The output of the last tick.
     #[must_use]
     pub fn output(&self) -> &LinkedOutput {
         &self.out
@@ -135,8 +136,8 @@ impl World {
         &self.out.commanded.record
     }
 
-    /// One period: the vehicle's, and the controller's where its program runs.
-    /// Whether it ran.
+    /// Simulates one period: the vehicle, and the controller unless its program stands still. Returns whether the
+    /// controller ran.
     pub fn tick(&mut self, command: Option<&Command>) -> bool {
         self.switch();
         for _ in 0..CYCLES {
@@ -159,7 +160,7 @@ impl World {
         true
     }
 
-    /// Begins and ends what is due.
+    /// Begins and ends faults at their times.
     fn switch(&mut self) {
         let now = self.now();
         let mut out = Vec::new();
@@ -207,7 +208,7 @@ impl World {
         self.to_host.truncate(LINE_BUFFER);
     }
 
-    /// Lets the faults of the line change bytes that go one way.
+    /// Applies the active faults of the line to bytes that go in one direction.
     fn spoil(&mut self, way: Way, bytes: &mut Vec<u8>) {
         let (now, rotors) = (self.simulation.now(), self.simulation.vehicle().rotor_count());
         for (injection, active) in self.injections.iter().zip(&mut self.active) {
@@ -265,7 +266,7 @@ impl World {
         }
     }
 
-    /// Hands bytes to the vehicle.
+    /// Passes bytes to the vehicle.
     fn send(&mut self, mut command: Vec<u8>) {
         self.spoil(Way::Sent, &mut command);
         let mut answer = Vec::new();
@@ -274,12 +275,12 @@ impl World {
     }
 }
 
-/// Periods for which a stopped program does not run: 5 to 500 ms.
+/// How many periods a stopped program does not run: 5 to 500 ms.
 fn periods(injection: &Injection) -> u64 {
     (2.5 + 247.5 * injection.strength) as u64
 }
 
-/// Lets a fault that lasts change the bytes; what one that is over held back goes on first.
+/// Applies a fault to the bytes if it is active. If it is over, the bytes that it held back go first.
 fn pass(on: bool, spoil: &fn(&Injection, &mut Bytes<'_>), injection: &Injection, mut line: Bytes<'_>) {
     if on {
         spoil(injection, &mut line);

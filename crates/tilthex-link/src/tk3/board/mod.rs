@@ -1,7 +1,6 @@
-//! The board's end of tk3, for simulated vehicles: identity, streams on
-//! request, motors that are started one by one, watchdogs, texts. It runs on
-//! the time it is told, so that it serves a pseudo-terminal in real time and
-//! the fault campaign in virtual time alike.
+//! The board's end of tk3, for simulated vehicles: identity, streams on request, motors that are started one by one,
+//! watchdogs, texts. The caller gives it the time, so that it works in real time behind a pseudo-terminal and in the
+//! virtual time of the fault campaign.
 
 pub mod motor;
 
@@ -15,18 +14,18 @@ use tilthex_core::{
     plant::{Battery, ImuSample, rotor_current},
 };
 
-/// Microseconds since the board was powered.
+/// Time since the board was powered, us.
 pub type Micros = u64;
 
-/// A board without power-on time: what it does for this long after a reboot is nothing.
+/// Duration of the board's boot: after a reboot it does nothing for this time.
 const BOOT: Micros = 300_000;
 
 /// The board's constants.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FirmwareParams {
-    /// The text it identifies itself with.
+    /// The text with which it identifies itself.
     pub identity: Text,
-    /// What a count of its IMU means.
+    /// The units of its IMU's counts.
     pub scales: ImuScales,
     /// Its battery at the start.
     pub battery: Battery,
@@ -40,7 +39,7 @@ impl Default for FirmwareParams {
     }
 }
 
-/// What the board's sensors see when a stream is due.
+/// The values of the board's sensors when a stream is due.
 #[derive(Clone, Copy, Debug)]
 pub struct Measurements {
     /// The IMU.
@@ -49,7 +48,7 @@ pub struct Measurements {
     pub rotor_speeds: RotorVector,
 }
 
-/// One stream that the host may ask for.
+/// One stream that the host may request.
 #[derive(Clone, Copy, Debug, Default)]
 struct Schedule {
     period: Micros,
@@ -63,7 +62,7 @@ impl Schedule {
         self.next = now + self.period;
     }
 
-    /// Whether a sample is due; the time of the next one stays on the grid.
+    /// Whether a sample is due. The times of the samples stay multiples of the period.
     fn due(&mut self, now: Micros) -> bool {
         if self.period == 0 || now < self.next {
             return false;
@@ -87,14 +86,14 @@ pub struct Firmware {
     voltage: Schedule,
     magnetometer: Schedule,
     first_start: Option<Micros>,
-    /// All motors have spun together.
+    /// Whether all motors have been spinning at the same time.
     flew: bool,
     speeds_received: u64,
     silent_until: Micros,
 }
 
 impl Firmware {
-    /// A board that was just powered, for a vehicle's rotors.
+    /// A board that was just powered, for the rotors of a vehicle.
     #[must_use]
     pub fn new(vehicle: &Vehicle, params: FirmwareParams) -> Self {
         let mut motors = [Motor::new(0.0, 0.0); MAX_ROTORS];
@@ -118,7 +117,7 @@ impl Firmware {
         }
     }
 
-    /// Takes bytes from the host; answers go to `out`.
+    /// Takes bytes from the host; writes the answers to `out`.
     pub fn receive(&mut self, bytes: &[u8], now: Micros, out: &mut Vec<u8>) {
         if now < self.silent_until {
             return;
@@ -147,7 +146,7 @@ impl Firmware {
                 }
             }
             HostMessage::StopAll => {
-                // Motors that were tried one by one have not started yet.
+                // Motors that were checked one by one have not started yet.
                 if !motors.iter().all(Motor::is_spinning) {
                     self.first_start = self.first_start.filter(|_| self.flew);
                 }
@@ -177,8 +176,8 @@ impl Firmware {
         }
     }
 
-    /// Lets `dt` seconds pass up to `now`: watchdogs, battery, and the samples
-    /// that are due, measured by `measure` and written to `out`.
+    /// Lets time pass up to `now`, of which `dt` seconds have passed since the last call: watchdogs, battery, and the
+    /// samples that are due, measured by `measure` and written to `out`.
     pub fn advance(
         &mut self,
         now: Micros,
@@ -189,7 +188,7 @@ impl Firmware {
     ) {
         self.flew |= self.all_spin();
         self.battery.advance(&true_speeds.as_slice()[..self.motor_count], dt);
-        // The motor controllers live on while the board boots.
+        // The motor controllers continue while the board boots.
         for (number, motor) in (1_u8..).zip(&mut self.motors[..self.motor_count]) {
             let event = motor.advance(now);
             if now >= self.silent_until {
@@ -224,13 +223,13 @@ impl Firmware {
             send(&VehicleMessage::Battery { sequence: self.voltage.sequence, millivolts }, out);
         }
         if self.magnetometer.due(now) {
-            // 20 uT north, 43 uT down: a field of middle Europe.
+            // 20 uT north, 43 uT down: the magnetic field in central Europe.
             let field = [2000, 0, -4300];
             send(&VehicleMessage::Magnetometer { sequence: self.magnetometer.sequence, field }, out);
         }
     }
 
-    /// Speeds the motors drive their rotors to, Hz.
+    /// Speeds to which the motors drive their rotors, Hz.
     #[must_use]
     pub fn commands(&self) -> RotorVector {
         RotorVector::from_fn(|i, _| if i < self.motor_count { self.motors[i].command() } else { 0.0 })
@@ -242,13 +241,13 @@ impl Firmware {
         self.motors[..self.motor_count].iter().all(Motor::is_spinning)
     }
 
-    /// When the first of the motors that then all spun was ordered to start.
+    /// When the first motor of the start in which all motors spun was ordered to start.
     #[must_use]
     pub fn first_start(&self) -> Option<Micros> {
         self.first_start
     }
 
-    /// How many `w` messages came.
+    /// How many `w` messages have arrived.
     #[must_use]
     pub fn speeds_received(&self) -> u64 {
         self.speeds_received
@@ -265,7 +264,7 @@ impl Firmware {
         self.battery.voltage()
     }
 
-    /// A motor controller (from 1) stops by itself and shows its emergency bit.
+    /// A motor controller (from 1) stops by itself and sets its emergency bit.
     pub fn fail_motor(&mut self, number: u8, out: &mut Vec<u8>) {
         if let Some(motor) = one(&mut self.motors[..self.motor_count], number) {
             motor.fail();
@@ -273,8 +272,8 @@ impl Firmware {
         }
     }
 
-    /// The board restarts: it is deaf and dumb for 0.3 s and has forgotten its
-    /// streams. The motor controllers are processors of their own and go on.
+    /// The board restarts. For 0.3 s it neither receives nor sends, and it forgets its streams. The motor controllers
+    /// have their own processors and continue.
     pub fn reboot(&mut self, now: Micros) {
         self.receiver = Receiver::default();
         for schedule in [&mut self.imu, &mut self.motor_states, &mut self.voltage, &mut self.magnetometer] {

@@ -3,11 +3,11 @@
 use super::Micros;
 use crate::tk3::{LOWEST_SPEED, MotorFrame, MotorState};
 
-/// Without set-points for this long a motor falls back to its lowest speed.
+/// A motor without set-points for this time falls back to its lowest speed.
 pub const FALL_BACK: Micros = 500_000;
-/// This long after the fall-back it disarms.
+/// A motor disarms this time after it fell back.
 pub const DISARM: Micros = 10_000_000;
-/// A start takes this long.
+/// Duration of a start.
 pub const START: Micros = 400_000;
 /// Throttle at full scale.
 const FULL_THROTTLE: f64 = 1023.0;
@@ -26,7 +26,7 @@ pub enum Event {
     Started,
     /// No set-point came for [`FALL_BACK`].
     FellBack,
-    /// None came for [`DISARM`] more.
+    /// No set-point came for [`DISARM`] after that.
     Disarmed,
 }
 
@@ -38,7 +38,7 @@ pub struct Motor {
     phase: Phase,
     emergency: bool,
     fallen_back: bool,
-    /// Commanded speed, Hz; it has a meaning while the motor spins.
+    /// Commanded speed, Hz; used while the motor spins.
     target: f64,
     last_set: Micros,
     sequence: u8,
@@ -74,7 +74,7 @@ impl Motor {
         self.fallen_back = false;
     }
 
-    /// The controller stops by itself and shows its emergency bit until it is started again.
+    /// The controller stops by itself and sets its emergency bit until the next start.
     pub fn fail(&mut self) {
         self.stop();
         self.emergency = true;
@@ -89,7 +89,7 @@ impl Motor {
         }
     }
 
-    /// `q`: a throttle in -1023..1023.
+    /// `q`: a throttle from -1023 to 1023.
     pub fn set_throttle(&mut self, throttle: i16, now: Micros) {
         self.set_speed(f64::from(throttle) / FULL_THROTTLE * self.highest, now);
     }
@@ -117,7 +117,7 @@ impl Motor {
         }
     }
 
-    /// The speed it drives its rotor to, Hz.
+    /// The speed to which it drives its rotor, Hz.
     #[must_use]
     pub fn command(&self) -> f64 {
         match self.phase {
@@ -152,7 +152,7 @@ impl Motor {
     }
 }
 
-/// A measured half period is the nearest count, where a commanded one is truncated.
+/// A measured half period is rounded to the nearest count; a commanded one is truncated.
 fn nearest_half_period(speed: f64) -> i16 {
     if speed.abs() < LOWEST_SPEED {
         return if speed < 0.0 { -i16::MAX } else { i16::MAX };
