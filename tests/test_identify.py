@@ -57,7 +57,7 @@ def test_too_little_of_flight_is_one_sentence():
     n = 2000
     zeros = np.zeros((n, 3))
     flight = Flight(0.002 * np.arange(n), zeros, zeros, np.full((n, 6), 80.0))
-    with pytest.raises(ValueError, match="less than 10 blocks of 1 s in the air"):
+    with pytest.raises(ValueError, match="fewer than 10 blocks of 1 s in the air"):
         identify([flight], MODEL)
 
 

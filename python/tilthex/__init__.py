@@ -1,9 +1,8 @@
 """Control of fully actuated multirotors as flying end-effectors.
 
-Arrays are float64 and SI; rotor speeds are in Hz. Rotations are 3x3 matrices
-`R_WR` that map robot coordinates to world coordinates. External wrenches are
-exerted by the environment on the robot. "(n)" in a docstring is an equation of
-Ryll et al., "6D interaction control with aerial robots: the flying
+Arrays are float64 and SI; rotor speeds are in Hz. Rotations are 3x3 matrices `R_WR` that map robot
+coordinates to world coordinates. External wrenches are exerted by the environment on the robot. "(n)" in
+a docstring is an equation of Ryll et al., "6D interaction control with aerial robots: the flying
 end-effector paradigm", IJRR 38(9), 2019.
 """
 

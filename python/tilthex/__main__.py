@@ -39,11 +39,11 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
 )
 """The `add_parser` of each subcommand's module."""
 USAGE = 2
-"""Exit status of wrong usage or configuration, as of the Rust programs."""
+"""Exit status after a usage or configuration error, the same as that of the Rust programs."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a subcommand; what it refuses is one sentence on standard error."""
+    """Runs a subcommand. An error gives one sentence on standard error."""
     parser = argparse.ArgumentParser(prog="tilthex", description="Tools around the tilthex controller.")
     parser.add_argument("--version", action="version", version=f"tilthex {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    """One sentence on standard error, as for what is refused."""
+    """Prints a warning as one sentence on standard error."""
     print(f"tilthex: warning: {message}", file=sys.stderr)
 
 

@@ -1,4 +1,4 @@
-"""What `pickle` and `copy` make configurations and vehicles of again: their TOML."""
+"""Functions with which `pickle` and `copy` make configurations and vehicles from their TOML."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from tilthex._core import Config, Vehicle
 
 
 def config(text: str) -> Config:
-    """A configuration of what `Config.to_toml` wrote."""
+    """The configuration in the output of `Config.to_toml`."""
     return Config.from_text(text)
 
 
 def vehicle(text: str) -> Vehicle:
-    """A vehicle of what `Vehicle.to_toml` wrote."""
+    """The vehicle in the output of `Vehicle.to_toml`."""
     return Config.from_text(text).vehicle

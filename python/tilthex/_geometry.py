@@ -13,11 +13,11 @@ Array = NDArray[np.float64]
 
 
 def section_vertices(rows: Array, target: Array, lower: Array, upper: Array) -> Iterator[Array]:
-    """Vertices of the box where `rows @ u = target`: all but some inputs at their limits."""
+    """Vertices of the box where `rows @ u = target`: all inputs except a few are at their limits."""
     moving = np.flatnonzero(upper > lower)
     base = np.where(upper > lower, 0.0, lower)
     left = target - rows @ base
-    # Rows that repeat others, or that no rotor moves, determine no input.
+    # Rows that are repeated, or that no rotor changes, determine no input.
     scale = np.linalg.norm(rows, axis=1)
     independent: list[int] = []
     for r in range(len(rows)):
@@ -49,7 +49,7 @@ def section_vertices(rows: Array, target: Array, lower: Array, upper: Array) -> 
 
 
 def ridges(hull: Any) -> NDArray[np.intp]:
-    """Pairs of vertices between facets of a hull that are not in one plane, (m, 2)."""
+    """Pairs of vertices between facets of a hull that are not in the same plane, (m, 2)."""
     pairs = [
         (a, b)
         for i, (corners, neighbours) in enumerate(zip(hull.simplices, hull.neighbors, strict=True))
@@ -61,7 +61,7 @@ def ridges(hull: Any) -> NDArray[np.intp]:
 
 
 def volume(points: Array, dimension: int, k: int) -> float:
-    """Of the hull of points in k components, in the dimension that they span."""
+    """Volume of the hull of points in k components, in the dimension that they span."""
     from scipy.spatial import ConvexHull, QhullError
 
     if dimension == 0:

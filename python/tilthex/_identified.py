@@ -1,4 +1,4 @@
-"""What is identified from: flights, figures, and the windows that a flight falls into."""
+"""Inputs and results of the identification: flights, figures, and the windows of a flight."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 WINDOW = 1.0
-"""Within each window the rate starts anew, s."""
+"""Length of the windows, s. In each window the rate is integrated from its first value."""
 BLOCK = 1.0
-"""Residuals further apart than this are taken for independent, s."""
+"""Residuals that are further apart than this count as independent, s."""
 LEARNT = 0.5
-"""A figure is learnt where the flight left less than this part of its deviation."""
+"""A figure is learnt if the flight reduced its deviation to less than this part."""
 PRIOR = {
     "mass": 0.03,
     "thrust": 0.05,
@@ -32,27 +32,28 @@ PRIOR = {
     "rotor_lag": 0.3,
     "dead_time": 0.005,
 }
-"""Standard deviations before a flight: parts, rad, m, parts of the inertia, m/s^2, N s/m per Hz, s."""
+"""Standard deviations before a flight: fractions, rad, m, fractions of the inertia, m/s^2, N s/m per Hz,
+s."""
 
 
 @dataclass(frozen=True)
 class Flight:
-    """One row a sample of a flight; the time steps are even.
+    """A flight, one row per sample, with constant time steps.
 
-    `used` is False where the vehicle stands on the ground. Contact in the air is found by `identify`.
+    `used` is False while the vehicle stands on the ground. `identify` finds contact in the air.
     """
 
     time: Array
     specific_force: Array
-    """Where the model has the centre of mass, m/s^2, robot axes, (N, 3)."""
+    """Specific force at the model's centre of mass, m/s^2, robot axes, (N, 3)."""
     angular_velocity: Array
-    """rad/s, robot axes, (N, 3)."""
+    """Angular velocity, rad/s, robot axes, (N, 3)."""
     rotor_speeds: Array
-    """Measured, Hz, (N, n)."""
+    """Measured rotor speeds, Hz, (N, n)."""
     rotor_command: Array | None = None
-    """Hz, (N, n); tells the rotors' lag."""
+    """Commanded rotor speeds, Hz, (N, n); they show the rotors' lag."""
     velocity: Array | None = None
-    """m/s, robot axes, (N, 3); tells the rotors' drag."""
+    """Velocity, m/s, robot axes, (N, 3); it shows the rotors' drag."""
     used: Mask | None = None
 
     @cached_property
@@ -72,7 +73,7 @@ class Flight:
         return whole
 
     def coarser(self, step: float) -> Flight:
-        """Means over pairs or more of samples, so that they are about `step` apart, s."""
+        """Means over two or more samples, so that rows are about `step` apart, s."""
 
         def mean(values: Array) -> Array:
             return self.rows(values, step)
@@ -90,7 +91,7 @@ class Flight:
 
 @dataclass(frozen=True)
 class Figure:
-    """A parameter with its standard deviations after and before the flight, and the model's value."""
+    """A parameter with its standard deviations after and before the flight, and the value of the model."""
 
     name: str
     unit: str
@@ -101,7 +102,7 @@ class Figure:
 
     @property
     def learnt(self) -> bool:
-        """Whether the flight tells it."""
+        """Whether the flight determines it."""
         return self.deviation < LEARNT * self.prior
 
     def __str__(self) -> str:
@@ -112,7 +113,7 @@ class Figure:
 
 
 def windows(flight: Flight, length: float) -> NDArray[np.int64]:
-    """The number of each sample's window; -1 where it is not whole."""
+    """The number of the window of each sample; -1 if its window is not complete."""
     step = float(np.median(np.diff(flight.time)))
     number: NDArray[np.int64] = np.floor((flight.time - flight.time[0]) / length + 1e-9).astype(np.int64)
     counts = np.bincount(number)
@@ -121,7 +122,7 @@ def windows(flight: Flight, length: float) -> NDArray[np.int64]:
 
 
 def centred(values: Array, window: NDArray[np.int64]) -> Array:
-    """Less the mean of each window; 0 outside of all."""
+    """The values minus the mean of their window; 0 outside of all windows."""
     inside = window >= 0
     number = np.where(inside, window, window.max() + 1)
     counts = np.maximum(np.bincount(number), 1)

@@ -1,6 +1,7 @@
-"""MCAP files without trust in what they say: whole ones, ones that break off, damaged ones.
+"""Reads MCAP files and checks everything in them: complete files, cut files, damaged files.
 
-The same checks as in `tilthex-rt replay`: every length and check sum, before anything is given out.
+The checks are those of `tilthex-rt replay`: every length and check sum is tested before any data is
+returned.
 """
 
 from __future__ import annotations
@@ -14,11 +15,12 @@ from pathlib import Path
 
 MAGIC = b"\x89MCAP0\r\n"
 MAX_RECORD = 256 << 20
-"""Largest record, bytes: more is a damaged length."""
+"""Largest record, bytes. A larger length is damaged."""
 MAX_CHUNK = 64 << 20
-"""Largest chunk that is unpacked, bytes."""
+"""Largest chunk after unpacking, bytes."""
 MAX_RATIO = 50
-"""All chunks together unpack to at most so many times the file's size. Flights unpack to about 4 times."""
+"""All chunks together unpack to at most this many times the size of the file. Flights unpack to about 4
+times."""
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = range(1, 7)
 ATTACHMENT, METADATA, DATA_END = 9, 12, 15
 KINDS = (
@@ -44,7 +46,7 @@ _MESSAGE = struct.Struct("<HIQQ")
 
 
 class Damaged(ValueError):
-    """What is wrong with a record; the place is known further out."""
+    """What is wrong with a record. The caller adds the place."""
 
 
 @dataclass(frozen=True)
@@ -58,22 +60,22 @@ class Channel:
 
 @dataclass
 class Log:
-    """What one pass over a file finds."""
+    """The result of one pass over a file."""
 
     data: memoryview
     attachments: dict[str, bytes] = field(default_factory=dict)
     library: str = ""
     channels: dict[int, Channel] = field(default_factory=dict)
     times: tuple[int, int] | None = None
-    """Of the first and of the last message, ns."""
+    """Log time of the first and of the last message, ns."""
     counts: dict[int, int] = field(default_factory=dict)
-    """Messages a channel."""
+    """Number of messages of each channel."""
     cut: int | None = None
-    """Bytes up to the last whole record of a file that breaks off."""
+    """Number of bytes up to the last complete record of a file that was cut."""
     end: int = 0
     """Where the data section ends."""
     index_only: bool = False
-    """All messages are there, and only the index behind them is not."""
+    """All messages are there; only the index after them is missing."""
     schemas: dict[int, tuple[str, str, bytes]] = field(default_factory=dict)
     data_end: int | None = None
     unpacked: int = 0
@@ -92,7 +94,7 @@ class Log:
                 yield from _of((inner for k, inner, _ in _records(data) if k == MESSAGE), wanted)
 
     def missing(self) -> str | None:
-        """What is missing of a log that breaks off, as a sentence; None for a whole log."""
+        """What is missing in a log that was cut, as a sentence; None for a complete log."""
         if self.cut is None:
             return None
         size = len(self.data)
@@ -108,13 +110,13 @@ class Log:
 
 
 class Fields:
-    """Fields of a record from its front."""
+    """The fields of a record, from its begin."""
 
     def __init__(self, data: memoryview) -> None:
         self.data, self.at = data, 0
 
     def take(self, count: int) -> memoryview:
-        """So many bytes."""
+        """The next `count` bytes."""
         end = self.at + count
         if end > len(self.data):
             raise Damaged(SHORT)
@@ -123,18 +125,18 @@ class Fields:
         return taken
 
     def number(self, size: int) -> int:
-        """A number of so many bytes."""
+        """The next number, of `size` bytes."""
         return int.from_bytes(self.take(size), "little")
 
     def text(self) -> str:
-        """A text behind its length."""
+        """The next text, which follows its length."""
         try:
             return str(self.take(self.number(4)), "utf-8")
         except UnicodeDecodeError:
             raise Damaged("a name in it is no text") from None
 
     def rest(self) -> int:
-        """Bytes that are left."""
+        """Number of bytes that are left."""
         return len(self.data) - self.at
 
 
@@ -142,7 +144,7 @@ def read(path: str | Path) -> Log:
     """Goes through a file once.
 
     Raises:
-        ValueError: It is no file, no MCAP file, or damaged; one sentence, with the place.
+        ValueError: It is not a file, not an MCAP file, or damaged. One sentence, with the place.
         OSError: It cannot be read.
     """
     path = Path(path)
@@ -164,12 +166,12 @@ def _scan(log: Log, data: memoryview) -> None:
             log.cut = 0
             return
         raise Damaged("is no MCAP file: it does not begin as one")
-    # What ends as a log should was not cut.
+    # A file with a correct end was not cut.
     whole = len(data) > len(MAGIC) and bytes(data[-len(MAGIC) :]) == MAGIC
     at = len(MAGIC)
     while True:
         rest = len(data) - at
-        # A machine that loses its power leaves zeros.
+        # After a power failure a file may end with zeros.
         if not whole and (rest < _HEAD.size or (data[at] == 0 and not any(data[at:]))):
             return _cut_at(log, at)
         name = "no record"
@@ -303,7 +305,7 @@ def _chunk(body: memoryview) -> tuple[int, str, int, memoryview]:
 
 
 def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> bytes:
-    """Unpacks to no more than it says and compares the check sum."""
+    """Unpacks at most the declared number of bytes, and compares the check sum."""
     if size > MAX_CHUNK:
         raise Damaged(f"it says that it unpacks to {size} bytes; expected at most {MAX_CHUNK}")
     if compression == "":
@@ -317,7 +319,7 @@ def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> 
     if len(unpacked) != size:
         more = "more" if len(unpacked) > size else "fewer"
         raise Damaged(f"it unpacks to {more} than the {size} bytes that it says")
-    # 0 stands for none.
+    # A check sum of 0 means that there is none.
     if check_sum and check_sum != zlib.crc32(unpacked):
         raise Damaged("its check sum does not match")
     return unpacked

@@ -11,16 +11,16 @@ from tilthex._core import Vehicle
 from tilthex._identified import BLOCK, PRIOR, WINDOW, Array, Figure, Flight, Mask, centred, windows
 
 TRUSTED = 0.1
-"""Slower than this the measured speed is believed, faster the command's answer, s."""
+"""Time constant, s: the measured speed gives the slow part, the answer to the command the fast part."""
 
 
 def answered(flight: Flight, lag: float, dead_time: float) -> Array:
-    """The speeds that the commands lead to, Hz, (N, n); lag and dead time in s."""
+    """The speeds that follow from the commands, Hz, (N, n); lag and dead time in s."""
     from scipy.signal import lfilter
 
     assert flight.rotor_command is not None
     step = float(np.median(np.diff(flight.time)))
-    # A command acts from its own tick on, so the speed beside it is older by a step.
+    # A command acts from its own tick on, so that the speed in the same row is older by one step.
     late = flight.time - step - dead_time
     command = np.stack([np.interp(late, flight.time, c) for c in flight.rotor_command.T], axis=1)
     keep = float(np.exp(-step / max(lag, 1e-4)))
@@ -29,9 +29,10 @@ def answered(flight: Flight, lag: float, dead_time: float) -> Array:
 
 
 def without_noise(flight: Flight, lag: Sequence[Figure]) -> Flight:
-    """The same with rotor speeds that hold hardly any noise of their measurement.
+    """The flight with rotor speeds that are almost free of measurement noise.
 
-    Noise of the speeds would look like torque that the vehicle does not follow: it would seem heavier.
+    Noise of the speeds looks like a torque that the vehicle does not follow, so that it would seem
+    heavier.
     """
     from scipy.ndimage import uniform_filter1d
 
@@ -44,7 +45,7 @@ def without_noise(flight: Flight, lag: Sequence[Figure]) -> Flight:
 
 
 def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
-    """Time constant and dead time from command to measured speed, of all rotors together."""
+    """Time constant and dead time from command to measured speed, common to all rotors."""
     from scipy.optimize import least_squares
 
     told = [
@@ -58,7 +59,7 @@ def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
     prior = np.array([PRIOR["rotor_lag"] * start, PRIOR["dead_time"]])
 
     def left(x: Array, flight: Flight, mask: Mask) -> Array:
-        # What is not commanded, as a battery that falls, is slow.
+        # Changes that no command causes, as of a battery that discharges, are slow.
         off = flight.rotor_speeds - answered(flight, x[0], x[1])
         rows: Array = centred(off, windows(flight, WINDOW))[mask]
         return rows

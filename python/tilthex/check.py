@@ -15,22 +15,22 @@ from tilthex import Config, LoopModel, Vehicle, polytope
 
 Array = NDArray[np.float64]
 LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
-"""Of every axis of the nominal vehicle, degrees."""
+"""Smallest phase margin of every axis of the nominal vehicle, degrees."""
 LARGEST_PEAK = LoopModel.largest_peak
-"""Of every axis' sensitivity, nominal."""
+"""Largest sensitivity peak of every axis of the nominal vehicle."""
 LEAST_DRAWN_PHASE_MARGIN = 30.0
-"""Of every axis of every drawn vehicle, degrees."""
+"""Smallest phase margin of every axis of every drawn vehicle, degrees."""
 DAMPING_TIME = 1e-3
-"""Damping by stiffness of what is touched, s."""
+"""Damping of the touched body divided by its stiffness, s."""
 STIFFNESS = 5e3
 """Stiffness of the touched body, N/m, for which the apparent mass is computed."""
 ANY = 1e6
-"""A stiffness from which on the range counts as open."""
+"""From this stiffness on, a range counts as open."""
 
 
 @dataclass(frozen=True)
 class Spread:
-    """The worst of many drawn vehicles, (6,) each."""
+    """The worst values of many drawn vehicles, (6,) each."""
 
     phase_margin_deg: Array
     sensitivity_peak: Array
@@ -38,7 +38,10 @@ class Spread:
 
 
 def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
-    """Margins over vehicles drawn with the seeds `first`, `first + 1`, ... from a level or a TOML file."""
+    """Margins of vehicles that are drawn from `truth`, a level or a TOML file.
+
+    Their seeds are `first`, `first + 1`, ...
+    """
     phase, peak, unstable = np.full(6, np.inf), np.zeros(6), 0
     for seed in range(first, first + draws):
         found = LoopModel(config, truth=truth, seed=seed).hover()
@@ -49,7 +52,7 @@ def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
 
 
 def named(name: str) -> Config:
-    """The configuration of a TOML file (a vehicle's is one, too), or the default one of a preset."""
+    """The configuration in a TOML file (also a vehicle's file), or the default one of a preset."""
     return Config.default(Vehicle.preset(name)) if name in Vehicle.presets() else Config.from_toml(name)
 
 
@@ -59,19 +62,22 @@ def add_parser(subparsers: Any) -> None:
         "check",
         help="stability margins of a configuration",
         description="Prints each axis' margins in hover, the stiffnesses at which contact is stable, the "
-        "apparent mass below which it is not, and what the tool can push.",
+        "apparent mass below which contact is unstable, and the largest force of the tool.",
     )
     parser.add_argument("config", help="a TOML file, or a preset for its default configuration")
     parser.add_argument("--truth", default="measured", help="level or file that vehicles are drawn from")
-    parser.add_argument("--draws", type=int, default=20, help="how many; 0 for none")
+    parser.add_argument("--draws", type=int, default=20, help="number of vehicles; 0 for none")
     parser.add_argument(
-        "--stiffness", type=float, default=STIFFNESS, help="of what is touched, N/m, for the apparent mass"
+        "--stiffness",
+        type=float,
+        default=STIFFNESS,
+        help="stiffness of the touched body, N/m, for the apparent mass",
     )
     parser.add_argument(
         "--damping-time",
         type=float,
         default=DAMPING_TIME,
-        help=f"damping of what is touched by its stiffness, s (default: {DAMPING_TIME:g})",
+        help=f"damping of the touched body divided by its stiffness, s (default: {DAMPING_TIME:g})",
     )
     parser.add_argument("--plot", type=Path, help="a file for the loops' frequency response")
     parser.set_defaults(run=run)
@@ -109,7 +115,7 @@ def run(arguments: argparse.Namespace) -> None:
 def _contact(model: LoopModel, stiffness: float, damping_time: float) -> None:
     print(
         f"contact: stable at these stiffnesses, of an environment with {1e3 * damping_time:g} ms of damping; "
-        "in brackets up to which without damping"
+        "in brackets: the largest without damping"
     )
     for name, direction in zip("xyz", np.eye(3), strict=True):
         with_it = model.contact(along=direction, damping_time=damping_time)
@@ -141,7 +147,7 @@ def _ranges(found: list[tuple[float, float]], unit: str) -> str:
 
 
 def border(found: list[tuple[float, float]], unit: str) -> str:
-    """In words: up to which stiffness all contact is stable."""
+    """Up to which stiffness all contact is stable, in words."""
     return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
 
 

@@ -27,12 +27,12 @@ from numpy.typing import ArrayLike
 from tilthex._logged import State
 
 DEFAULT_PORT = 7410
-# The flight holds when it has not heard of its operator for `[supervisor] operator_timeout`, s.
+# The flight holds if it has not heard from its operator for `[supervisor] operator_timeout`, s.
 HEARTBEAT = 0.2
 
 
 class OrderRefused(ValueError):
-    """The flight does not take an order; the text says why."""
+    """The flight refuses an order; the text says why."""
 
 
 def connect(
@@ -46,15 +46,15 @@ def connect(
     """Connects to a running flight.
 
     Args:
-        host: where `tilthex-rt --control` runs.
-        port: of its control socket.
-        timeout: for every answer, s.
-        path: of its Unix socket (`--control unix:PATH`), in place of host and port.
-        token: what the file of `--control-token-file` holds, where the flight asks for one.
+        host: The computer on which `tilthex-rt --control` runs.
+        port: The port of its control socket.
+        timeout: Longest wait for an answer, s.
+        path: The Unix socket (`--control unix:PATH`), instead of host and port.
+        token: The content of the file of `--control-token-file`, if the flight requires it.
 
     Raises:
-        ConnectionError: nobody listens there.
-        OrderRefused: the token is not the flight's.
+        ConnectionError: No flight listens there.
+        OrderRefused: The token is wrong.
     """
     where = f"{host}:{port}" if path is None else f"unix:{os.fspath(path)}"
     try:
@@ -79,8 +79,8 @@ def connect(
 class Flight:
     """A connection to a running flight; `tilthex.connect` makes one.
 
-    A thread tells the flight that this program is there. A flight that has been ordered to move holds, and
-    lands later, when the program or the network is gone.
+    A thread tells the flight that this program is alive. If the program or the network fails, a flight
+    that this client has ordered to move holds, and lands later.
     """
 
     def __init__(self, connection: socket.socket, token: str | None = None) -> None:
@@ -105,13 +105,16 @@ class Flight:
         self.close()
 
     def close(self) -> None:
-        """Ends the connection. A flight that this client has ordered to move holds, and then lands."""
+        """Ends the connection. A flight that this client has ordered to move holds, and lands later."""
         self._closed.set()
         self._lines.close()
         self._socket.close()
 
     def take_controls(self) -> None:
-        """Takes the controls from whoever holds them; others may only `land` and `kill` from now on."""
+        """Takes the controls from the client that holds them.
+
+        From then on other clients may only `land` and `kill`.
+        """
         self._order("take_controls")
 
     def take_off(self) -> None:
@@ -130,11 +133,12 @@ class Flight:
         """Flies the tool to a pose and stays there.
 
         Args:
-            position: of the tool tip, (3,), m, world.
-            rotation: of the tool, (3, 3), maps tool to world coordinates; that of its set-point if None.
-            duration: shortest time of the way, s; the limits may make it longer.
-            velocity: largest on the way, m/s; the configured one if None.
-            angular_velocity: largest on the way, rad/s; the configured one if None.
+            position: Position of the tool tip, (3,), m, world.
+            rotation: Rotation of the tool, (3, 3), maps tool to world coordinates; None keeps that of its
+                set-point.
+            duration: Shortest time of the motion, s; the limits may make it longer.
+            velocity: Largest velocity, m/s; None takes the configured one.
+            angular_velocity: Largest angular velocity, rad/s; None takes the configured one.
         """
         if rotation is None:
             rotation = self.state()["setpoint"]["rotation"]
@@ -150,9 +154,9 @@ class Flight:
         """Flies through way-points.
 
         Args:
-            waypoints: each a dict of `position` (3,) and, as needed, `rotation` (3, 3) (or
-                `quaternion_xyzw`, or `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the
-                tool shall exert, `duration` and `hold`, s.
+            waypoints: A dict for each way-point with `position` (3,). Optional keys: `rotation` (3, 3)
+                (or `quaternion_xyzw`, or `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the tool
+                shall exert, `duration` and `hold`, s.
             limits: `velocity`, `acceleration`, `angular_velocity`, `angular_acceleration`, SI.
         """
         self._order("play", waypoint=[_plain(way) for way in waypoints], limits=limits)
@@ -181,36 +185,42 @@ class Flight:
         """Changes keys of `[admittance]` between two ticks; the reference does not jump.
 
         Args:
-            **parameters: the keys that docs/configuration.md marks with `set_admittance`, in its units; for
-                example `stiffness`, six numbers of a diagonal or (6, 6).
+            **parameters: The keys that docs/configuration.md marks with `set_admittance`, in its units.
+                For example `stiffness`: six numbers of a diagonal, or (6, 6).
         """
         self._order("set_admittance", **{k: np.asarray(v, float).tolist() for k, v in parameters.items()})
 
     def set_wrench(self, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """Sets the wrench the tool shall exert on the environment (world, at the tool), N and N m."""
+        """Sets the wrench, N and N m, that the tool shall exert on the environment (world, at the tool)."""
         self._order("set_wrench", force=_array(force, (3,), "force"), torque=_array(torque, (3,), "torque"))
 
     def release_wrench(self) -> None:
-        """Takes the trajectory's wrench again."""
+        """Returns to the wrench of the trajectory."""
         self._order("release_wrench")
 
     def zero_bias(self) -> None:
-        """Learns the wrench observer's bias anew; the tool must be free, and no set-points streamed."""
+        """Learns the wrench observer's bias again.
+
+        The tool must be free, and no set-points may be streamed.
+        """
         self._order("zero_bias")
 
     def land(self) -> None:
-        """Lands; `tilthex-rt` then ends. Anyone may, whoever holds the controls."""
+        """Lands; then `tilthex-rt` ends. Every client may call it, whoever holds the controls."""
         self._order("land")
 
     def kill(self) -> None:
-        """Stops the motors at once, wherever the vehicle is. It falls, and `tilthex-rt` ends. Anyone may."""
+        """Stops the motors at once.
+
+        A flying vehicle falls, and `tilthex-rt` ends. Every client may call it.
+        """
         self._order("kill")
 
     def state(self) -> State:
-        """The newest state: a dict of numbers, texts and arrays; docs/log.md has a table of its keys.
+        """The newest state: a dict of numbers, texts and arrays. docs/log.md has a table of its keys.
 
         Raises:
-            OrderRefused: the loop has not run a tick yet.
+            OrderRefused: The loop has not run a tick yet.
         """
         state = self._order("state")["state"]
         if state is None:
@@ -218,9 +228,9 @@ class Flight:
         return cast(State, _arrays(state))
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
-        """States as they come, `rate` times a second (0.1 to 100), until the flight ends.
+        """Yields states, `rate` times a second (0.1 to 100), until the flight ends.
 
-        Orders may be given in between.
+        Orders may be given between two states.
         """
         self._order("stream", rate=rate)
         try:
@@ -261,8 +271,7 @@ class Flight:
             self._socket.sendall(line)
 
     def _beat(self) -> None:
-        # Without an id, it is not answered.
-        # The flight may end before this does.
+        # A message without an id gets no answer. The flight may end before this thread does.
         with contextlib.suppress(OSError):
             while not self._closed.wait(HEARTBEAT):
                 self._send({"command": "heartbeat"})
@@ -289,7 +298,7 @@ def _plain(way: dict[str, Any]) -> dict[str, Any]:
 
 
 def _arrays(state: dict[str, Any]) -> dict[str, Any]:
-    """Lists of numbers become arrays, at any depth."""
+    """Replaces lists of numbers by arrays, at any depth."""
     out: dict[str, Any] = {}
     for name, value in state.items():
         if isinstance(value, dict):

@@ -20,18 +20,19 @@ Array = NDArray[np.float64]
 RATE = 100.0
 """Both signals are compared at this rate, Hz."""
 COMMON = 0.3
-"""The two must share this part of the shorter one."""
+"""The two signals must have this part of the shorter one in common."""
 CONTACT = 0.1
-"""The two must share this part of each one's energy, or count as less alike."""
+"""The parts in common must hold this part of each signal's energy; otherwise the correlation is
+reduced."""
 ALIKE = 0.5
-"""Signals of a lower correlation are not of the same contact."""
+"""Signals with a lower correlation do not show the same contact."""
 IN_NEWTON = np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])
-"""A torque counts like the force that makes it at 0.25 m, where signals are correlated."""
+"""Lever arm, m, by which a torque is divided when signals are correlated."""
 
 
 @dataclass(frozen=True)
 class Wrenches:
-    """`time` s, (n,); `wrench` (n, 6): force in N, torque in N m. Whoever uses it says the axes."""
+    """`time` s, (n,); `wrench` (n, 6): force in N, torque in N m. The axes depend on the use."""
 
     time: Array
     wrench: Array
@@ -39,9 +40,11 @@ class Wrenches:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Both wrenches on one clock, low-passed: `time` s since the flight's log begins, (n,), wrenches (n, 6).
+    """Both wrenches on one clock, after a low-pass.
 
-    `offset`, s, was added to the sensor's times; `correlation` is that of the two behind it, -1 to 1.
+    `time`, s since the begin of the flight's log, (n,); wrenches (n, 6).
+
+    `offset`, s, was added to the sensor's times; `correlation`, -1 to 1, is that of the two signals.
     """
 
     time: Array
@@ -68,23 +71,27 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Mounting:
-    """Where the sensor is.
+    """The mounting of the sensor.
 
-    `on_tool` true: fixed to the tool, `position` (m) and `rotation` map from sensor to tool axes. Otherwise
-    fixed to the world: both map from sensor to world axes. `reads_robot` true: it reads the wrench that the
-    robot exerts on it, as a sensor behind a work piece does; otherwise the wrench on the robot.
+    `on_tool` true: the sensor is fixed to the tool, and `position` (m) and `rotation` map from sensor to
+    tool axes. Otherwise it is fixed to the world, and both map from sensor to world axes. `reads_robot`
+    true: it measures the wrench of the robot on the sensor, as a sensor behind a work piece does.
+    Otherwise it measures the wrench on the robot.
     """
 
     on_tool: bool = False
     position: Array | None = None
-    """None: the sensor's torque is about the tool's tip already."""
+    """None: the sensor's torque is already about the tip of the tool."""
     rotation: Array | None = None
     reads_robot: bool = True
 
 
 @dataclass(frozen=True)
 class ToolPath:
-    """The tool: `time` s (n,), `position` of its tip, m, world (n, 3), `rotation` to world (n, 3, 3)."""
+    """The motion of the tool.
+
+    `time` s (n,), `position` of its tip, m, world (n, 3), `rotation` to world (n, 3, 3).
+    """
 
     time: Array
     position: Array
@@ -92,9 +99,9 @@ class ToolPath:
 
 
 def observed(path: str | Path) -> tuple[Wrenches, ToolPath]:
-    """What a flight has observed in the air: on the robot, about the tool's tip, world axes.
+    """The observed wrench of a flight in the air: on the robot, about the tip of the tool, world axes.
 
-    Take-off and landing are left out: there, the ground exerts a wrench, too.
+    Take-off and landing are left out, because the ground exerts a wrench there.
     """
     from scipy.spatial.transform import Rotation
 
@@ -108,17 +115,19 @@ def observed(path: str | Path) -> tuple[Wrenches, ToolPath]:
     count = min(len(tip), len(aloft), len(wrench["log_time"]))
     keep = np.flatnonzero(aloft[:count])
     if len(keep) < 2:
-        raise ValueError(f"{path}: nothing is flown; expected a flight with contact")
+        raise ValueError(f"{path}: the vehicle does not fly in this log; expected a flight with contact")
     parts = [wrench[f"tool_w.{part}"][keep] for part in ("force", "torque")]
     time = state["log_time"][keep]
     return Wrenches(time, np.hstack(parts)), ToolPath(time, tip[keep], tool[keep].as_matrix())
 
 
 def read_sensor(path: str | Path, topic: str | None = None) -> Stream:
-    """A sensor's table or topic: `time` and force and torque by their usual names (docs/recordings.md).
+    """Reads a sensor's table or topic: `time`, force and torque, by their usual names.
+
+    docs/recordings.md lists the names.
 
     Raises:
-        ValueError: There is none, or several.
+        ValueError: There is no sensor, or more than one.
     """
     streams = readers.read(Path(path))
     if topic is not None:
@@ -138,7 +147,7 @@ def read_sensor(path: str | Path, topic: str | None = None) -> Stream:
 
 
 def sensed(stream: Stream) -> Wrenches:
-    """The sensor's own readings: its clock, its axes, torque about its own origin."""
+    """The readings of the sensor: on its clock, in its axes, torque about its origin."""
     parts = [stream.find("time")[""]]
     for quantity in ("sensor_force", "sensor_torque"):
         columns = stream.find(quantity)
@@ -166,21 +175,21 @@ def compare(
     offset: float | None = None,
     tare: tuple[float, float] | None = None,
 ) -> Comparison:
-    """Puts both on one clock and into tool axes, and low-passes them.
+    """Puts both on one clock and into tool axes, and applies a low-pass to them.
 
-    Without `offset` the clocks are put together at the largest correlation of the two, which then hides the
+    Without `offset`, the clocks are aligned at the largest correlation of the two signals. This hides the
     observer's lag.
 
     Args:
-        flight: What was observed: on the robot, about the tool's tip, world axes.
-        tool: Where the tool was.
-        sensor: The sensor's readings, about its origin, its axes.
-        mounting: Where it is.
-        offset: To be added to the sensor's times, s; None to find it.
-        tare: A time without contact, s since `flight` begins: the sensor's mean there is its zero.
+        flight: The observed wrench: on the robot, about the tip of the tool, world axes.
+        tool: The motion of the tool.
+        sensor: The readings of the sensor, about its origin, in its axes.
+        mounting: The mounting of the sensor.
+        offset: Time that is added to the sensor's times, s; None finds it.
+        tare: A time without contact, s since the begin of `flight`. The sensor's mean there is its zero.
 
     Raises:
-        ValueError: The two have no contact in common.
+        ValueError: The two signals have no contact in common.
     """
     begin = float(flight.time[0])
     grid = np.arange(begin, flight.time[-1], 1.0 / RATE)
@@ -192,7 +201,7 @@ def compare(
     in_world = _smooth(_resampled(flight.time, flight.wrench, grid))
     in_tool = _turned(np.swapaxes(rotation, 1, 2), in_world)
     if offset is None:
-        # Where the sensor is fixed, it has to be one frame: a mean tip will do.
+        # If the sensor is fixed to the world, one mean position of the tip is enough.
         about_tip = fixed
         if mounting.position is not None:
             lever = mounting.position - (0.0 if mounting.on_tool else tip.mean(axis=0))
@@ -227,7 +236,7 @@ def _at(time: Array, values: Array, at: Array) -> Array:
 
 
 def _resampled(time: Array, values: Array, at: Array) -> Array:
-    """Means over the steps of `at` where the values come faster, linear between them otherwise."""
+    """Means over the steps of `at` if the values are denser than that; otherwise linear interpolation."""
     step = float(np.median(np.diff(time)))
     width = max(1, round(1.0 / RATE / step))
     kernel = np.ones(width) / width
@@ -246,12 +255,12 @@ def _turned(rotation: Array, wrench: Array) -> Array:
 
 
 def _moved(wrench: Array, lever: Array) -> Array:
-    """The torque about a point from which the old one is at `lever`."""
+    """The torque about a point from which the old reference point is at `lever`."""
     return np.hstack([wrench[:, :3], wrench[:, 3:] + np.cross(lever, wrench[:, :3])])
 
 
 def _offset(grid: Array, ours: Array, sensor: Wrenches) -> float:
-    """What to add to the sensor's times: the largest correlation of all six components."""
+    """The time to add to the sensor's times: that of the largest correlation of all six components."""
     from scipy.signal import correlate
 
     theirs_at = np.arange(sensor.time[0], sensor.time[-1], 1.0 / RATE)
@@ -260,12 +269,13 @@ def _offset(grid: Array, ours: Array, sensor: Wrenches) -> float:
     theirs = _smooth(_resampled(sensor.time, sensor.wrench, theirs_at))
     a, b = ((signal - signal.mean(axis=0)) * IN_NEWTON for signal in (ours, theirs))
     shared = correlate(np.ones(len(a)), np.ones(len(b)))
-    # Each lag by the sizes of what overlaps there, so that a short overlap does not win.
+    # The correlation of each lag is divided by the energies of the common part, so that a short one
+    # does not win.
     power_a = correlate(np.sum(a**2, axis=1), np.ones(len(b)))
     power_b = correlate(np.ones(len(a)), np.sum(b**2, axis=1))
     product = np.sum([correlate(a[:, k], b[:, k]) for k in range(6)], axis=0)
     known = shared > COMMON * min(len(a), len(b))
-    # Nor does one where there is hardly a signal.
+    # A lag at which there is hardly a signal must not win either.
     power_a, power_b = (np.maximum(power, CONTACT * np.max(power)) for power in (power_a, power_b))
     alike = np.where(known, product / np.sqrt(power_a * power_b + 1e-12), 0.0)
     best = int(np.argmax(alike))
@@ -296,12 +306,12 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "sensor", type=Path, metavar="SENSOR", help="the sensor's table (.csv) or messages (.mcap)"
     )
-    parser.add_argument("--topic", help="the sensor's topic, where the file has several")
+    parser.add_argument("--topic", help="the sensor's topic, if the file has more than one")
     parser.add_argument(
         "--fixed-to",
         choices=("world", "tool"),
         default="world",
-        help="what the sensor is fixed to (default: world)",
+        help="the body to which the sensor is fixed (default: world)",
     )
     parser.add_argument(
         "--reads",
@@ -310,16 +320,21 @@ def add_parser(commands: Any) -> None:
         help="what exerts the wrench that it reads (default: robot, as behind a work piece)",
     )
     parser.add_argument(
-        "--offset", type=float, metavar="S", help="add to the sensor's times; else found by correlation"
+        "--offset",
+        type=float,
+        metavar="S",
+        help="time to add to the sensor's times (default: found by correlation)",
     )
     for name, words, meaning in (
-        ("--rotation-deg", ("R", "P", "Y"), "the sensor's axes in those of what it is fixed to"),
-        ("--position", ("X", "Y", "Z"), "its origin there, m (default: the tool's tip)"),
+        ("--rotation-deg", ("R", "P", "Y"), "the sensor's axes in the axes of the body to which it is fixed"),
+        ("--position", ("X", "Y", "Z"), "the sensor's origin in the same axes, m (default: the tool's tip)"),
         ("--tare", ("BEGIN", "END"), "a time without contact, s since take-off"),
     ):
         parser.add_argument(name, type=float, nargs=len(words), metavar=words, help=meaning)
     parser.add_argument(
-        "--out", type=Path, help="pictures to write: OUT-norms.png, OUT-components.png; LOG by default"
+        "--out",
+        type=Path,
+        help="begin of the names of the pictures: OUT-norms.png, OUT-components.png (default: LOG)",
     )
     parser.set_defaults(run=_run)
 

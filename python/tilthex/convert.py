@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Converts, and names what was written."""
+    """Converts a log, and prints the name of the result."""
     out = arguments.out or arguments.log.with_name(f"{arguments.log.stem}-{arguments.to}")
     convert(arguments.log, arguments.to, out)
     print(f"written: {out}")
@@ -51,7 +51,7 @@ def convert(path: str | Path, to: str, out: str | Path) -> None:
     """Writes a log in another format, into a new folder.
 
     Args:
-        path: A log of tilthex-rt; one that breaks off is converted as far as it goes.
+        path: A log of tilthex-rt. A log that breaks off is converted up to its last record.
         to: "csv", "parquet" or "rosbag2".
         out: The folder; it must not exist.
 
@@ -120,13 +120,13 @@ def _rosbag2(log: Log, out: Path) -> None:
 
 
 class RosMessages:
-    """The messages of ROS 2 that rows of a log become."""
+    """Makes messages of ROS 2 from the rows of a log."""
 
     def __init__(self, types: Any) -> None:
         self._types = types
 
     def topics(self) -> Iterator[tuple[str, str, str, Callable[[int, dict[str, Any]], Any]]]:
-        """Topic and message of the bag, topic of the log, and what makes the one of the other."""
+        """Topic and message type of the bag, topic of the log, and the function that makes the message."""
         yield "/odom", "nav_msgs/msg/Odometry", "/state", self.odometry
         yield "/imu", "sensor_msgs/msg/Imu", "/state", self.imu
         yield "/tf", "tf2_msgs/msg/TFMessage", "/state", self.transform
@@ -149,7 +149,7 @@ class RosMessages:
         return self._make("nav_msgs/msg/Odometry", header, FRAMES["robot"], pose, twist)
 
     def imu(self, time: int, row: dict[str, Any]) -> Any:
-        """Angular velocity and specific force at the centre of mass, robot axes, without biases."""
+        """Angular velocity and specific force at the centre of mass, robot axes, without their biases."""
         unknown = np.zeros(9)
         return self._make(
             "sensor_msgs/msg/Imu",
@@ -163,7 +163,7 @@ class RosMessages:
         )
 
     def transform(self, time: int, row: dict[str, Any]) -> Any:
-        """World to robot."""
+        """The transform from world to robot."""
         motion = self._make(
             "geometry_msgs/msg/Transform",
             self._vector(row["position_w"]),
@@ -214,4 +214,4 @@ class RosMessages:
 
 
 WRITERS: dict[str, Callable[[Log, Path], None]] = {"csv": _csv, "parquet": _parquet, "rosbag2": _rosbag2}
-"""What writes each format."""
+"""The function that writes each format."""

@@ -1,9 +1,9 @@
-"""`tilthex design`: what a vehicle's figures become when keys of its file change.
+"""`tilthex design`: how the figures of a vehicle change with keys of its file.
 
-Sweeps one or two keys of the vehicle file and reports, at each point, how well
-the rotors reach the six directions of the wrench, what hovering costs, how much
-lateral force it leaves, and what a moderate lateral force costs: more tilt makes
-lateral force cheap and hovering dear, and between them lie the 30 to 35 deg of the paper.
+Sweeps one or two keys of the vehicle file. For each point it reports how well the rotors reach the six
+directions of the wrench, what hovering costs, how much lateral force is left, and what a moderate lateral
+force costs. A larger tilt makes lateral force cheaper and hovering more expensive; the paper's vehicles
+have 30 to 35 deg.
 """
 
 from __future__ import annotations
@@ -26,17 +26,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Figures:
-    """What one vehicle is worth.
+    """The figures of one vehicle.
 
-    Attributes:
-        conditioning: smallest by largest singular value of the allocation matrix, torques counted
-            per arm length, so that it is a number; 0 to 1, 0 where a direction is missing.
-        hover_efficiency: weight by the sum of the rotors' thrusts in a level hover; 0 to 1.
-        lateral_efficiency: sum of squared inputs of a hover on upright rotors by that of a hover with
-            `LATERAL` of the weight pushed sideways, mean over all directions; 0 to 1.
-        lateral_reach: horizontal force possible in every direction in a level hover, N; NaN
-            without such a hover.
-        payload: mass that can be added, kg; NaN likewise.
+    Attributes: conditioning: Smallest divided by largest singular value of the allocation matrix, with
+    torques divided by the arm length. 0 to 1; 0 if a direction is missing. hover_efficiency: Weight
+    divided by the sum of the rotors' thrusts in a level hover; 0 to 1. lateral_efficiency: Sum of squared
+    inputs of a hover on upright rotors, divided by that of a hover that pushes sideways with `LATERAL` of
+    the weight; mean over all directions; 0 to 1. lateral_reach: Horizontal force that is possible in
+    every direction in a level hover, N; NaN without such a hover. payload: Mass that can be added, kg;
+    NaN without a level hover.
     """
 
     conditioning: float
@@ -47,7 +45,7 @@ class Figures:
 
 
 LATERAL = 0.3
-"""Lateral force, as part of the weight, that `lateral_efficiency` asks for."""
+"""Lateral force of `lateral_efficiency`, as a part of the weight."""
 METRICS = tuple(field.name for field in fields(Figures))
 
 
@@ -93,21 +91,23 @@ class Sweep:
     values: Mapping[str, Array]
 
     def best(self, metric: str) -> dict[str, float]:
-        """Where a metric is largest: each key's value, and the metric's own."""
+        """The point at which a metric is largest: the value of each key, and the metric."""
         table = self.values[metric]
         if np.isnan(table).all():
-            raise ValueError(f"{metric} is nowhere defined in this sweep; expected a vehicle that can hover")
+            raise ValueError(
+                f"{metric} is not defined at any point of this sweep; expected a vehicle that can hover"
+            )
         at = np.unravel_index(np.nanargmax(table), table.shape)
         found = {key: float(axis[i]) for (key, axis), i in zip(self.axes.items(), at, strict=True)}
         return found | {metric: float(table[at])}
 
 
 def sweep(base: Mapping[str, Any], axes: Mapping[str, Array]) -> Sweep:
-    """Figures of a vehicle whose keys run over grids.
+    """Figures of a vehicle whose keys take all values of a grid.
 
     Args:
-        base: keys of a `[vehicle]` section, such as `{"preset": "tilt-hex"}`.
-        axes: keys ("mass", "tilted_hexarotor.alpha_deg") and their values.
+        base: Keys of a `[vehicle]` section, such as `{"preset": "tilt-hex"}`.
+        axes: Keys ("mass", "tilted_hexarotor.alpha_deg") and their values.
     """
     tables = {name: np.full([len(v) for v in axes.values()], np.nan) for name in METRICS}
     for at in itertools.product(*[range(len(v)) for v in axes.values()]):
@@ -141,7 +141,7 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Sweeps, prints where each metric is largest, writes `design.csv` and `design.png`."""
+    """Sweeps, prints the point at which each metric is largest, writes `design.csv` and `design.png`."""
     axes_texts = arguments.sweep or [
         "tilted_hexarotor.alpha_deg=0:60:31",
         "tilted_hexarotor.beta_deg=-30:30:31",
@@ -175,7 +175,7 @@ def _axis(text: str) -> tuple[str, Array]:
 
 
 def _with_keys(base: Mapping[str, Any], chosen: Mapping[str, float]) -> dict[str, Any]:
-    """The base with dotted keys put into their tables."""
+    """The base with each dotted key written into its table."""
     keys: dict[str, Any] = dict(base)
     for dotted, value in chosen.items():
         table = keys

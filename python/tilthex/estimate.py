@@ -1,4 +1,4 @@
-"""`tilthex estimate` runs the estimator over a recording; `tilthex calibrate` finds the body's offset."""
+"""`tilthex estimate` runs the estimator over a recording; `tilthex calibrate` finds the captured body."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from tilthex.recording import Recording
 Array = NDArray[np.float64]
 
 LATENCIES = (-0.049, 0.1)
-"""Latencies between which `calibrate` searches, s: what the filter remembers."""
+"""The range of latencies in which `calibrate` searches, s: the history of the filter."""
 FARTHEST = 3.0
-"""The captured body is within this of the robot along each axis, m."""
+"""Largest distance of the captured body from the robot's origin along each axis, m."""
 BLOCK = 1.0
-"""Innovations further apart than this are taken for independent, s."""
+"""Innovations that are further apart than this count as independent, s."""
 TURNS = 0.05
-"""Least rate about the second of the axes that a recording turns about, rad/s rms."""
+"""Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
 
 
 @dataclass(frozen=True)
@@ -44,9 +44,9 @@ class PoseErrors:
 
 
 def pose_errors(recording: Recording, run: _core.UkfRun, config: _core.Config) -> PoseErrors:
-    """Compares a run's states, between samples linearly, with all poses of a recording.
+    """Compares the states of a run, with linear interpolation, with all poses of a recording.
 
-    Poses before the start, after the end, or not finite are left out.
+    Poses before the start, after the end, or with a value that is not finite are left out.
     """
     from scipy.spatial.transform import Rotation
 
@@ -86,7 +86,7 @@ def plot_innovations(recording: Recording, run: _core.UkfRun, path: Path) -> Non
         bound = 3 * scale * run.innovation_deviation[:, first : first + 3].max(axis=1)
         axes[row].plot(time, bound, "k-", lw=0.7)
         axes[row].plot(time, -bound, "k-", lw=0.7, label="3 sigma")
-        # The first poses, with all that is not known yet, would dwarf the others.
+        # The innovations of the first poses are so large that the others would not be visible.
         largest = np.nanmax(
             [
                 np.nanpercentile(np.abs(scale * run.innovation[:, first : first + 3]), 99.9),
@@ -105,7 +105,7 @@ def plot_innovations(recording: Recording, run: _core.UkfRun, path: Path) -> Non
 
 
 def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
-    """Writes a table of states, one row an inertial sample."""
+    """Writes a table of states, one row per inertial sample."""
     columns = {
         "position": run.position,
         "velocity": run.velocity,
@@ -119,7 +119,7 @@ def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
 
 
 def summary(recording: Recording, run: _core.UkfRun) -> str:
-    """What a run has shown, in a few lines."""
+    """A summary of a run in a few lines."""
     applied = np.isfinite(run.nis)
     innovation = run.innovation[applied]
     outcomes = ", ".join(f"{count} {name}" for name, count in Counter(run.outcome).most_common())
@@ -145,9 +145,9 @@ def summary(recording: Recording, run: _core.UkfRun) -> str:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The captured body in the robot: position in m (3,), roll, pitch, yaw in degrees (3,), latency in s.
+    """The captured body on the robot: position in m (3,), roll, pitch, yaw in degrees (3,), latency in s.
 
-    `deviation` holds the standard deviations of these seven, in the same units.
+    `deviation` holds the standard deviations of these seven values, in the same units.
     """
 
     body_position: Array
@@ -165,7 +165,7 @@ class Calibration:
         return config.replace(estimator=keys)
 
     def __str__(self) -> str:
-        """As it stands in a configuration, with the deviations as comments."""
+        """The keys of a configuration, with the deviations as comments."""
         numbers, off = (
             [", ".join(f"{value:.4g}" for value in part) for part in parts]
             for parts in (
@@ -181,16 +181,18 @@ class Calibration:
 
 
 def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Calibration:
-    """Finds the captured body's pose in the robot and the poses' latency: those of the least innovations.
+    """Finds the pose of the captured body on the robot, and the latency of the poses.
 
-    The rotation starts from the rates of both (Wahba's problem), so it may be any; the latency lies
-    between -50 and 100 ms. The flight must turn about at least two axes; what it leaves open shows in
-    the deviations.
+    They are the ones that minimise the innovations.
+
+    The search starts with the rotation that aligns both angular velocities (Wahba's problem), so that any
+    rotation can be found. The latency is between -50 and 100 ms. The flight must turn about at least two
+    axes. The deviations show what the flight does not determine.
 
     Args:
-        recording: A flight of some ten seconds.
-        config: The configuration; its IMU mounting and noises count.
-        settle: Innovations of this first time do not count, s.
+        recording: A flight of about ten seconds.
+        config: The configuration; its IMU mounting and noises are used.
+        settle: Innovations before this time do not count, s.
     """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
@@ -200,7 +202,7 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     config = config.replace(estimator={"gate_probability": 1.0})
     counts = recording.pose_time > recording.pose_time[0] + settle
     start = _aligned_by_rate(recording, config)
-    # Parameters are about one, so that a relative step is an absolute one.
+    # Parameters are about 1, so that a relative step is an absolute step.
     scale = np.r_[[0.05] * 3, [0.02] * 3, 0.005]
 
     def offset(parameters: Array) -> Calibration:
@@ -217,7 +219,8 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     bounds = np.full(7, -np.inf), np.full(7, np.inf)
     bounds[0][:3], bounds[1][:3] = 1 - FARTHEST / scale[:3], 1 + FARTHEST / scale[:3]
     bounds[0][6], bounds[1][6] = (1 + latency / scale[6] for latency in LATENCIES)
-    # A filter that hardly trusts the poses leads near; the true one then decides.
+    # A filter that hardly trusts the poses leads near to the result; the configured filter then
+    # finds it.
     coarse = config.replace(estimator={"position_noise": 0.05, "rotation_noise_deg": 5.0})
     settings: dict[str, Any] = {"diff_step": 1e-3, "bounds": bounds, "max_nfev": 40}
     near = least_squares(residuals, np.ones(7), args=(coarse,), **settings)
@@ -240,9 +243,9 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
 
 
 def _block_covariance(residuals: Array, jacobian: Array, time: Array) -> Array:
-    """Covariance of the parameters by the scatter between blocks of `BLOCK`, for residuals of any colour.
+    """Covariance of the parameters from the scatter between blocks of `BLOCK`, for residuals of any colour.
 
-    `jacobian` is scipy's for the loss soft_l1: each row is scaled by its part of the Hessian.
+    `jacobian` is that of scipy for the loss soft_l1: each row is scaled by its part of the Hessian.
     """
     z = residuals**2
     # d = J^T r w with w = rho'; the scale of a row is the root of rho' + 2 z rho''.
@@ -258,11 +261,11 @@ def _block_covariance(residuals: Array, jacobian: Array, time: Array) -> Array:
 
 
 def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
-    """Rotation from the captured body to the robot that aligns its rate with the gyro's."""
+    """The rotation from the captured body to the robot that aligns its rate with the rate of the gyro."""
     from scipy.spatial.transform import Rotation
 
     time = recording.pose_time
-    # Over some 50 ms, so that the capture's noise does not drown the rate.
+    # The rate is taken over about 50 ms, so that it is larger than the noise of the capture system.
     step = max(1, round(0.05 / float(np.median(np.diff(time)))))
     turned = Rotation.from_matrix(recording.rotation)
     span = (time[step:] - time[:-step])[:, None]
@@ -331,8 +334,12 @@ def add_parser(commands: Any) -> None:
             type=Path,
             help="a log of tilthex-rt, or another recording (.mcap, .csv, .mat, .ulg, a ROS 2 bag)",
         )
-        parser.add_argument("--imu", metavar="TOPIC", help="where the inertial samples are, if in doubt")
-        parser.add_argument("--poses", metavar="TOPIC|FILE", help="where the poses are, if in doubt")
+        parser.add_argument(
+            "--imu", metavar="TOPIC", help="topic of the inertial samples, if there is more than one"
+        )
+        parser.add_argument(
+            "--poses", metavar="TOPIC|FILE", help="topic or file of the poses, if there is more than one"
+        )
         parser.add_argument(
             "--config", type=Path, metavar="FILE.toml", help="the configuration (default: tilt-hex)"
         )

@@ -1,4 +1,4 @@
-"""`tilthex excite`: a flight that tells a vehicle's parameters, within limits."""
+"""`tilthex excite`: a flight from which a vehicle's parameters can be identified, within limits."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from tilthex._core import Trajectory, Vehicle
 Array = NDArray[np.float64]
 
 ROOM = 0.15
-"""Part of each rotor's range of input that a hover in the largest tilt leaves at either end."""
+"""Part of each rotor's range of input that a hover at the largest tilt keeps free at either end."""
 
 
 def largest_tilt(vehicle: Vehicle, wanted: float) -> float:
-    """The largest tilt about any horizontal axis, rad, up to `wanted`, in which the rotors keep `ROOM`."""
+    """The largest tilt about any horizontal axis, rad, up to `wanted`, that leaves the rotors `ROOM`."""
     from scipy.spatial.transform import Rotation
 
     if vehicle.tracks != "position and attitude":
@@ -45,18 +45,18 @@ def waypoints(
     tilt: float = np.radians(12.0),
     repeat: int = 2,
 ) -> list[dict[str, Any]]:
-    """Way-points of the tool: turns to and fro about each axis and pairs of them, climbs and sidesteps.
+    """Way-points of the tool: rotations about each axis and about pairs of axes, climbs and sidesteps.
 
     Args:
-        vehicle: Who flies.
-        position: Where the tool begins, m, world, (3,).
-        heading: Its heading, rad.
-        radius: The centre of mass stays within this of its beginning along each axis, m.
-        tilt: Largest tilt, rad; less where the rotors have no room (`largest_tilt`).
-        repeat: How often all of it is flown.
+        vehicle: The vehicle that flies.
+        position: Position of the tool at the begin, m, world, (3,).
+        heading: Heading at the begin, rad.
+        radius: Largest distance of the centre of mass from its first position along each axis, m.
+        tilt: Largest tilt, rad; smaller if the rotors have no room for it (`largest_tilt`).
+        repeat: How often the whole sequence is flown.
 
     Returns:
-        What `Trajectory` and the order `play` take.
+        The way-points for `Trajectory` and the order `play`.
     """
     from scipy.spatial.transform import Rotation
 
@@ -91,7 +91,7 @@ def waypoints(
 
 
 LIMITS = {"velocity": 1.0, "acceleration": 3.0, "angular_velocity": 1.2, "angular_acceleration": 6.0}
-"""Of the motion between way-points: m/s, m/s^2, rad/s, rad/s^2."""
+"""Limits of the motion between way-points: m/s, m/s^2, rad/s, rad/s^2."""
 
 
 def trajectory(vehicle: Vehicle, position: ArrayLike, **options: Any) -> Trajectory:
@@ -100,7 +100,7 @@ def trajectory(vehicle: Vehicle, position: ArrayLike, **options: Any) -> Traject
 
 
 def to_toml(vehicle: Vehicle, position: ArrayLike, **options: Any) -> str:
-    """The same as a file for `tilthex-rt --trajectory`."""
+    """The flight of `waypoints` as a file for `tilthex-rt --trajectory`."""
     from scipy.spatial.transform import Rotation
 
     lines = [
@@ -122,20 +122,32 @@ def _numbers(values: ArrayLike) -> str:
 def add_parser(commands: Any) -> None:
     """Adds the subcommand."""
     parser: argparse.ArgumentParser = commands.add_parser(
-        "excite", help="a flight that tells a vehicle's parameters", description=__doc__
+        "excite",
+        help="write a flight from which a vehicle's parameters can be identified",
+        description=__doc__,
     )
     parser.add_argument("vehicle", help="a preset, or a vehicle's or configuration's TOML file")
     parser.add_argument(
-        "--position", type=float, nargs=3, default=[0.0, 0.0, 1.0], help="where the tool begins, m (0 0 1)"
+        "--position",
+        type=float,
+        nargs=3,
+        default=[0.0, 0.0, 1.0],
+        help="position of the tool at the begin, m (default: 0 0 1)",
     )
-    parser.add_argument("--heading-deg", type=float, default=0.0, help="its heading there")
+    parser.add_argument("--heading-deg", type=float, default=0.0, help="heading at the begin (default: 0)")
     parser.add_argument(
-        "--radius", type=float, default=0.4, help="the centre of mass stays within this, m (0.4)"
+        "--radius",
+        type=float,
+        default=0.4,
+        help="largest distance of the centre of mass from its first position, m (default: 0.4)",
     )
     parser.add_argument(
-        "--tilt-deg", type=float, default=12.0, help="largest tilt (12); less where rotors have no room"
+        "--tilt-deg",
+        type=float,
+        default=12.0,
+        help="largest tilt (default: 12); smaller if the rotors have no room for it",
     )
-    parser.add_argument("--out", type=Path, help="the file to write; printed otherwise")
+    parser.add_argument("--out", type=Path, help="the file to write (default: standard output)")
     parser.set_defaults(run=_run)
 
 

@@ -1,4 +1,4 @@
-"""`tilthex fit`: what flights say about a vehicle's model (docs/identification.md)."""
+"""`tilthex fit`: corrects a vehicle's model with logs of flights (docs/identification.md)."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AFTER = 0.5
-"""Left out behind the begin of free flight, s: the estimator still learns."""
+"""Time after the begin of free flight that is left out, s: the estimator still settles."""
 CORRELATED = 0.95
-"""Two figures of a larger correlation are told together only."""
+"""Above this correlation, two figures can only be determined together."""
 
 
 def read(path: str | Path, begin: float | None = None, end: float | None = None) -> Flight:
-    """A log's flight, between two times since its start.
+    """The flight in a log, between two times since its start.
 
     Raises:
-        ValueError: The log holds no free flight there.
+        ValueError: The log holds no free flight between these times.
     """
     from scipy.spatial.transform import Rotation
 
@@ -40,8 +40,8 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
         used &= ~((time >= start) & (time < start + AFTER))
     used &= (since >= (begin if begin is not None else 0.0)) & (since <= (end if end is not None else np.inf))
     if not used.any():
-        raise ValueError(f"{path}: nothing is flown between those times; expected a part in flight")
-    # Even steps: the loop's own are a little uneven, and some ticks are skipped.
+        raise ValueError(f"{path}: the vehicle does not fly between these times; expected a part in flight")
+    # Constant steps: those of the loop vary a little, and some ticks are skipped.
     even = np.arange(time[0], time[-1], float(np.median(np.diff(time))))
 
     def column(values: Any) -> Any:
@@ -60,9 +60,9 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
 
 
 def report(found: Identified) -> str:
-    """The figures, and what the flight did not tell."""
+    """The figures, and what the flight did not determine."""
     lines = [
-        f"{found.seconds:.1f} s of free flight; {found.left_out:.1f} s left out that are unlike the rest",
+        f"{found.seconds:.1f} s of free flight; {found.left_out:.1f} s left out, which differ from the rest",
         f"not explained: {found.residual[0]:.3g} m/s^2 and {found.residual[1]:.3g} rad/s",
         *map(str, found.figures),
     ]
@@ -74,18 +74,18 @@ def report(found: Identified) -> str:
         if abs(found.correlation[i, j]) > CORRELATED and found.figures[i].learnt and found.figures[j].learnt
     ]
     if pairs:
-        lines.append("told together only: " + ", ".join(pairs))
+        lines.append("determined only together: " + ", ".join(pairs))
     unknown = [figure.name for figure in found.figures if not figure.learnt]
     if "mass" in unknown:
-        lines.append("mass: no flight tells it; weigh the vehicle, and give --mass")
+        lines.append("mass: a flight cannot determine it; weigh the vehicle and give --mass")
     rest = [name for name in unknown if name not in ("mass", "drag moment")]
     if rest:
-        lines.append(f"not learnt: {', '.join(rest)}; fly `tilthex excite`, and give that log, too")
+        lines.append(f"not learnt: {', '.join(rest)}; fly the output of `tilthex excite`, and add its log")
     return "\n".join(lines)
 
 
 def figure(flights: list[Flight], found: Identified) -> Figure:
-    """Foretold against measured specific force and angular acceleration, each over time."""
+    """Predicted and measured specific force and angular acceleration, each over time."""
     import matplotlib.pyplot as plt
 
     drawn, axes = plt.subplots(6, 1, figsize=(11, 12), sharex=True, layout="constrained")
@@ -109,7 +109,7 @@ def figure(flights: list[Flight], found: Identified) -> Figure:
 
 
 def _smooth(values: Any) -> Any:
-    """Over 21 samples: a gyro's difference is mostly noise."""
+    """Means over 21 samples, because the difference of a gyro is mostly noise."""
     kernel = np.ones(21) / 21
     return np.stack([np.convolve(column, kernel, mode="same") for column in values.T], axis=1)
 
@@ -121,16 +121,17 @@ def add_parser(commands: Any) -> None:
     )
     parser.add_argument("log", type=Path, nargs="+", metavar="LOG", help="MCAP files of tilthex-rt")
     parser.add_argument(
-        "--mass", type=float, metavar="KG", help="the weighed mass; flights tell forces by mass only"
+        "--mass",
+        type=float,
+        metavar="KG",
+        help="the weighed mass; a flight determines only the ratio of forces to mass",
     )
     parser.add_argument(
         "--begin", type=float, metavar="S", help="use each log from this time on, s since its start"
     )
     parser.add_argument("--end", type=float, metavar="S", help="use each log up to this time")
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE.toml", help="write the vehicle with what was learnt"
-    )
-    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw foretold against measured")
+    parser.add_argument("--out", type=Path, metavar="FILE.toml", help="write the corrected vehicle")
+    parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw predicted and measured values")
     parser.set_defaults(run=_run)
 
 

@@ -1,10 +1,11 @@
 """A vehicle's parameters from contact-free flight: the most probable ones, with standard deviations.
 
-The specific force and the change of the angular rate over short windows are foretold from the measured rotor
-speeds. Both are compared where they are measured, so that their noise does not pull the figures; the noise of
-the rotor speeds is small beside it. Each parameter has a standard deviation before the flight, that of a
-vehicle taken from its drawings (docs/truth.md, *cad*). What the flight does not tell stays at the model with
-that deviation. The deviations after the flight allow for noise of any colour up to `BLOCK`.
+The specific force, and the change of the angular rate over short windows, are predicted from the measured
+rotor speeds. Both are compared where they are measured, so that their noise causes no bias; the noise of
+the rotor speeds is small in comparison. Each parameter has a standard deviation before the flight, which
+is that of a vehicle from its drawings (docs/truth.md, *cad*). A parameter that the flight does not
+determine stays at the model's value with that deviation. The deviations after the flight hold for noise
+of any colour up to `BLOCK`.
 """
 
 from __future__ import annotations
@@ -20,22 +21,23 @@ from tilthex._identified import BLOCK, PRIOR, WINDOW, Array, Figure, Flight, Mas
 from tilthex._rotor_lag import rotor_lag, without_noise
 
 DERIVED = (0, 1, 2, 3)
-"""Steps that derive anew; behind them the model is as good as linear."""
+"""Number of steps with a new derivative; after them the model is almost linear."""
 CELL = 0.05
-"""Residuals are means over this, s: motors that follow the gyro's noise, which is faster, excite nothing."""
+"""Residuals are means over this time, s. Motors follow the noise of the gyro, which is faster than that,
+and this must not count as excitation."""
 STEP = 0.004
-"""Samples are put together to about this, s; a rotor is slower."""
+"""Samples are averaged over about this time, s; rotors are slower."""
 OUTLIER = 6.0
-"""Blocks whose residual is beyond this many robust deviations are left out: contact, the ground, gusts."""
+"""Blocks whose residual is above this many robust deviations are left out: contact, the ground, gusts."""
 
 
 @dataclass(frozen=True)
 class Identified:
-    """What flights tell.
+    """The result of an identification.
 
-    `figures` in the order of `names`; `correlation` between them (k, k); `vehicle` the model with what was
-    learnt; `left_out` and `seconds`: time without use beside the time used, s; `residual`: rms of what is not
-    explained, m/s^2 and rad/s.
+    `figures` in the order of `names`; `correlation` between them (k, k); `vehicle`: the corrected model;
+    `left_out` and `seconds`: time that was left out and time that was used, s; `residual`: rms of the
+    unexplained part, m/s^2 and rad/s.
     """
 
     figures: list[Figure]
@@ -52,7 +54,7 @@ class Identified:
 
 @dataclass(frozen=True)
 class _Model:
-    """The model's numbers and what a vector of parameters makes of them."""
+    """The numbers of the model, and the vehicle that follows from a vector of parameters."""
 
     mass: float
     inertia: Array
@@ -89,7 +91,7 @@ class _Model:
         )
 
     def at(self, x: Array) -> _Set:
-        """The vehicle of parameters in their units (parts, rad, m, ...)."""
+        """The vehicle with these parameters, in their units (fractions, rad, m, ...)."""
         n = len(self.thrust)
         mass, common, each, drag, turn, rest = np.split(x, np.cumsum([1, 1, n, 1, 2 * n]))
         centre, moments, products, (rotor_drag, age), bias = np.split(rest, [3, 6, 9, 11])
@@ -116,7 +118,7 @@ class _Model:
 
 @dataclass(frozen=True)
 class _Set:
-    """One vehicle; positions from its own centre of mass."""
+    """One vehicle; positions are relative to its own centre of mass."""
 
     mass: float
     inertia: Array
@@ -130,8 +132,8 @@ class _Set:
     bias: Array
 
     def predict(self, flight: Flight, number: int) -> tuple[Array, Array]:
-        """Specific force where the model has the centre of mass (N, 3), and angular acceleration (N, 3)."""
-        # Shifted by a slope that is smoothed: between noisy samples, a mean would look better than it is.
+        """Specific force at the model's centre of mass (N, 3), and angular acceleration (N, 3)."""
+        # Shifted with a smoothed slope: a mean between noisy samples would reduce their noise.
         speeds = flight.rotor_speeds + self.speed_age * flight.rotor_acceleration
         lift = speeds * abs(speeds)
         forces = self.thrust[:, None] * self.axis
@@ -154,16 +156,16 @@ class _Set:
 def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None = None) -> Identified:
     """The most probable parameters of a vehicle.
 
-    A flight tells forces and moments by mass only, so the mass keeps its prior deviation, and the others
-    share it. A weighed mass ends that.
+    A flight determines forces and moments only relative to the mass. So the mass keeps its prior
+    deviation, and the other parameters share it, unless the mass was weighed.
 
     Args:
-        flights: Contact-free for most of the time; several add up.
+        flights: Flights that are free of contact for most of the time.
         vehicle: The model.
-        mass: Weighed, kg; taken as right within 0.2 %.
+        mass: The weighed mass, kg; it counts as correct to within 0.2 %.
 
     Raises:
-        ValueError: There is too little of flight.
+        ValueError: The time in flight is too short.
     """
     model = _Model.of(vehicle, len(flights))
     prior = np.array([PRIOR[name] for name in model.names])
@@ -177,7 +179,9 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     used = [np.ones(len(c.time), bool) if c.used is None else c.used for c in cells]
     blocks = [windows(cell, BLOCK) for cell in cells]
     if sum(len(np.unique(b[u & (b >= 0)])) for b, u in zip(blocks, used, strict=True)) < 10:
-        raise ValueError(f"there are less than 10 blocks of {BLOCK:g} s in the air; expected 10 at least")
+        raise ValueError(
+            f"the flights have fewer than 10 blocks of {BLOCK:g} s in the air; expected at least 10"
+        )
     whole = [u & (b >= 0) for b, u in zip(blocks, used, strict=True)]
     x, noise = mean.copy(), (0.3, 0.03)
     slope: list[Array] = []
@@ -208,7 +212,7 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
 
 
 def _raw(model: _Model, flight: Flight, number: int, x: Array) -> Array:
-    """Measured less foretold: specific force, and rate about the mean of its window, (N, 6)."""
+    """Measured minus predicted: specific force, and rate relative to the mean of its window, (N, 6)."""
     force, alpha = model.at(x).predict(flight, number)
     step = np.diff(flight.time, prepend=flight.time[0])[:, None]
     rate = np.cumsum(0.5 * step * (alpha + np.roll(alpha, 1, axis=0)), axis=0)
@@ -225,7 +229,7 @@ def _noise(left: list[Array], used: list[Mask]) -> tuple[float, float]:
 
 
 def _usual(residual: Array, block: NDArray[np.int64], used: Mask) -> Mask:
-    """Where a block's mean specific force and rms of the rate are like those of the others."""
+    """Blocks whose mean specific force and rms of the rate are similar to those of the other blocks."""
     inside = used
     number = np.where(block >= 0, block, 0)
     counts = np.maximum(np.bincount(number, inside), 1)
@@ -242,7 +246,7 @@ def _usual(residual: Array, block: NDArray[np.int64], used: Mask) -> Mask:
 
 
 def _derivative(model: _Model, flight: Flight, number: int, x: Array, prior: Array) -> Array:
-    """Of the residuals by each parameter over its prior deviation, (N, 6, k)."""
+    """Derivative of the residuals by each parameter, times its prior deviation, (N, 6, k)."""
     here = _raw(model, flight, number, x)
     columns = []
     for k, size in enumerate(prior):
@@ -255,7 +259,7 @@ def _derivative(model: _Model, flight: Flight, number: int, x: Array, prior: Arr
 def _stacked(
     left: list[Array], slope: list[Array], used: list[Mask], noise: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Residuals (N, 6) and their derivative (N, 6, k) where they count, by their noise."""
+    """Residuals (N, 6) and their derivative (N, 6, k) of the used samples, divided by their noise."""
     scale = np.r_[[1 / noise[0]] * 3, [1 / noise[1]] * 3]
     rows = np.vstack([r[u] for r, u in zip(left, used, strict=True)]) * scale
     return rows, np.vstack([s[u] for s, u in zip(slope, used, strict=True)]) * scale[:, None]
@@ -264,7 +268,7 @@ def _stacked(
 def _step(
     left: list[Array], slope: list[Array], used: list[Mask], noise: tuple[float, float], off: Array
 ) -> Array:
-    """One step of Gauss and Newton, in prior deviations; `off`: parameters less their means, likewise."""
+    """One Gauss-Newton step; `off`: parameters minus their means. Both are in prior deviations."""
     here, jacobian = _stacked(left, slope, used, noise)
     rows = jacobian.reshape(-1, len(off))
     step: Array = np.linalg.solve(rows.T @ rows + np.eye(len(off)), rows.T @ here.ravel() + off)
@@ -278,7 +282,7 @@ def _covariance(
     blocks: list[NDArray[np.int64]],
     noise: tuple[float, float],
 ) -> Array:
-    """Covariance by blocks (a sandwich), in units of the prior deviations squared."""
+    """Covariance from blocks (a sandwich estimator), in units of the squared prior deviations."""
     here, jacobian = _stacked(left, slope, used, noise)
     size = jacobian.shape[2]
     rows = jacobian.reshape(-1, size)
@@ -292,7 +296,7 @@ def _covariance(
     np.add.at(sums, number, score)
     count = len(sums)
     inverse = np.linalg.inv(rows.T @ rows + np.eye(size))
-    # Degrees of freedom that the parameters have taken from the residuals.
+    # The parameters use up degrees of freedom of the residuals.
     taken = float(np.trace(inverse @ rows.T @ rows))
     spread = sums.T @ sums * count / max(count - taken / 6, 1)
     covariance: Array = inverse @ (spread + np.eye(size)) @ inverse
@@ -300,7 +304,7 @@ def _covariance(
 
 
 def _values(model: _Model, x: Array) -> tuple[list[tuple[str, str]], Array]:
-    """Names with units, and values, of what is reported."""
+    """Names with units, and values, of the reported parameters."""
     at = model.at(x)
     ratio = at.thrust / model.thrust
     names = [("mass", "kg"), ("thrust, all rotors", "of model")]
@@ -336,7 +340,7 @@ def _figures(
 
 
 def _vehicle(vehicle: Vehicle, found: _Set, lag: Sequence[Figure]) -> Vehicle:
-    """The model with what was found; positions move against the centre of mass."""
+    """The corrected model; positions move relative to the centre of mass."""
     centre = found.centre
     rotors = [
         rotor

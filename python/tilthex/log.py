@@ -6,8 +6,8 @@
     position = topics["/state"]["position_w"]  # (N, 3), m
     aloft = log.flying(topics["/flight"]["phase"])  # (N,), bool
 
-A log that breaks off, as after `kill -9`, is read as far as it goes, and `LogCut` warns of what is missing.
-A damaged log is refused with the place of the damage.
+A log that breaks off, as after `kill -9`, is read up to its last record, and `LogCut` warns of what is
+missing. A damaged log is refused, and the message names the place of the damage.
 """
 
 from __future__ import annotations
@@ -27,32 +27,32 @@ from tilthex._logged import TOPICS
 Columns = dict[str, NDArray[Any]]
 
 GROUNDED = ("disarmed", "starting", "grounded")
-"""Phases with the vehicle on the ground. The others: flying, holding, landing, emergency."""
+"""Phases with the vehicle on the ground. The other phases are flying, holding, landing and emergency."""
 FREE_FLIGHT = ("flying", "holding")
-"""Phases in which nothing but the tool touches anything: not the ground, and not in a landing."""
+"""Phases in which only the tool can touch anything; in a landing the vehicle may touch the ground."""
 
 
 class NotALog(ValueError):
-    """A sound MCAP file that another program has written."""
+    """A correct MCAP file that another program has written."""
 
 
 class LogCut(UserWarning):
-    """A log that breaks off, and what is missing of it."""
+    """A log that breaks off; the text says what is missing."""
 
 
 def read(path: str | Path, topics: Iterable[str]) -> dict[str, Columns]:
     """The messages of some topics as columns.
 
-    Each topic's columns are named by the path of the field in the message, with a point between names:
-    `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is the time of the
-    tick, s since 1970. Quaternions are (x, y, z, w). `phase` and `given_up` are names. docs/log.md has all
+    The columns of a topic are named by the path of the field in the message, with a point between names:
+    `position_w` (N, 3), `tool_w.force` (N, 3), `command` (N, n). `log_time` (N,) is the time of the tick,
+    s since 1970. Quaternions are (x, y, z, w). `phase` and `given_up` are names. docs/log.md lists all
     topics and fields.
 
     Raises:
-        ValueError: The file is no log of tilthex-rt, is damaged (with the place), or lacks a topic.
+        ValueError: The file is not a log of tilthex-rt, is damaged (with the place), or lacks a topic.
 
     Warns:
-        LogCut: The log breaks off; what is there is read.
+        LogCut: The log breaks off; everything up to there is read.
     """
     log = Log(path)
     return {topic: log.columns(topic) for topic in topics}
@@ -62,22 +62,21 @@ def configuration(path: str | Path) -> str:
     """The effective configuration, TOML, that is attached to a log.
 
     Raises:
-        ValueError: There is none.
+        ValueError: The log has none.
     """
     return Log(path).configuration
 
 
 def flying(phase: NDArray[Any]) -> NDArray[np.bool_]:
-    """Where the vehicle is off the ground: flying, holding, landing or in an emergency."""
+    """Where the vehicle is off the ground: flying, holding, landing or emergency."""
     return ~np.isin(phase, GROUNDED)
 
 
 class Log:
-    """A log, found sound.
+    """A log that was checked.
 
-    Attributes:
-        configuration: Its effective configuration, TOML.
-        missing: What is missing of a log that breaks off, as a sentence; None for a whole log.
+    Attributes: configuration: Its effective configuration, TOML. missing: What is missing in a log that
+    breaks off, as a sentence; None for a complete log.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -117,7 +116,7 @@ class Log:
         return counts
 
     def messages(self, topic: str) -> Iterator[tuple[float, Any]]:
-        """Log time, s, and message of a topic, in the order of the file."""
+        """Log time, s, and message, of all messages of a topic, in the order of the file."""
         from google.protobuf.message import DecodeError
 
         try:
@@ -127,7 +126,7 @@ class Log:
             raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
 
     def columns(self, topic: str) -> Columns:
-        """The messages of a topic as columns, as of `read`."""
+        """The messages of a topic as columns, see `read`."""
         times, messages = [], []
         for time, message in self.messages(topic):
             times.append(time)
@@ -137,7 +136,7 @@ class Log:
         return {"log_time": np.array(times), **_columns(messages)}
 
     def _channels(self, topic: str) -> list[int]:
-        """The channels of a topic, with a decoder of each."""
+        """The channels of a topic, and a decoder for each."""
         numbers = [number for number, channel in self._log.channels.items() if channel.topic == topic]
         for number in numbers:
             if number not in self._decoders:
@@ -170,7 +169,7 @@ class Log:
 
 
 def _columns(messages: list[Any]) -> Columns:
-    """Field by field: how each is read follows once from the kind of message."""
+    """Makes the columns field by field. The type of the message says once how to read each field."""
     columns: Columns = {}
     for name, paths, names in _fields("", messages[0].DESCRIPTOR):
         get: Callable[[Any], Any] = attrgetter(*paths)
@@ -185,9 +184,9 @@ def _columns(messages: list[Any]) -> Columns:
 
 
 def _fields(prefix: str, descriptor: Any) -> Iterator[tuple[str, list[str], dict[int, str] | None]]:
-    """Name, paths and, of an enumeration, the names of a message's numbers and lists of them.
+    """Name, paths and, for an enumeration, the value names, of all numbers of a message and lists of numbers.
 
-    Messages of x, y, z(, w) are one column of several paths; others are gone through field by field.
+    Messages of x, y, z(, w) become one column with several paths; other messages are entered recursively.
     """
     for field in descriptor.fields:
         name = prefix + field.name
@@ -206,6 +205,6 @@ def _fields(prefix: str, descriptor: Any) -> Iterator[tuple[str, list[str], dict
 
 
 def _repeated(field: Any) -> bool:
-    """Whether a field is a list; protobuf has told it in two ways."""
+    """Whether a field is a list; versions of protobuf say this in two ways."""
     known = getattr(field, "is_repeated", None)
     return bool(field.label == field.LABEL_REPEATED if known is None else known)

@@ -1,8 +1,8 @@
-"""`tilthex manoeuvres`: what limits do to a flight, with the allocator and with a clip.
+"""`tilthex manoeuvres`: the effect of rotor limits on a flight, with the allocator and with a clip.
 
-Flies manoeuvres that ask for more than the rotors can give, with the flight that
-`tilthex-rt` flies and, to compare, with a controller that knows no limits: the
-reference's attitude is held whatever it costs, the inputs `A^+ w` are cut off.
+Flies manoeuvres that demand more than the rotors can produce, with the flight of `tilthex-rt`. To
+compare, flies them with a controller that ignores the limits: it always holds the attitude of the
+reference, and clips the inputs `A^+ w`.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from tilthex.simulation import TRUTH_HELP
 Array = NDArray[np.float64]
 PERIOD = 0.002
 START = 1.0
-"""When a manoeuvre begins, s."""
+"""Time at which a manoeuvre begins, s."""
 MANOEUVRES = ("step", "push", "roll")
-"""2 m aside at once; 10 N on the centre of mass for a second; 60 deg of roll commanded at once."""
+"""2 m sideways at once; 10 N on the centre of mass for one second; 60 deg of roll commanded at once."""
 WAYS = ("clip", "fixed", "turned")
-"""A clip; the allocator with the reference's attitude; the allocator and an attitude that yields."""
+"""A clip; the allocator with the reference's attitude; the allocator with an attitude that yields."""
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,12 @@ class Flight:
     Attributes:
         time: (N,), s.
         position_error: (N,), m, of the centre of mass.
-        attitude_error: (N,), deg, from the attitude that the controller flies to.
+        attitude_error: (N,), deg, from the attitude to which the controller flies.
         tilt: (N,), deg.
-        false_force: (N,), N: observed external force less what the same observer makes of the push
-            on a vehicle at rest.
-        saturated: share of the ticks in which a limit was active.
-        lost: whether it turned over or flew away.
+        false_force: (N,), N: observed external force minus the force that the same observer gives for the
+            push on a vehicle at rest.
+        saturated: Share of the ticks in which a limit was active.
+        lost: Whether the vehicle turned over or flew away.
     """
 
     time: Array
@@ -76,12 +76,12 @@ def fly(
     """Flies one of `MANOEUVRES` in one of `WAYS` from a hover, on the simulated plant with exact sensors.
 
     Args:
-        vehicle: which.
-        manoeuvre: which.
-        way: how limits are treated.
-        seconds: how long.
-        drawn: what is true where the vehicle differs from its model; its sensors stay ideal.
-        **sections: changes of the vehicle's default configuration.
+        vehicle: The vehicle.
+        manoeuvre: The manoeuvre.
+        way: How limits are treated.
+        seconds: Duration, s.
+        drawn: The true vehicle, if it differs from its model; its sensors stay ideal.
+        **sections: Changes of the vehicle's default configuration.
     """
     for name, found, known in (("manoeuvre", manoeuvre, MANOEUVRES), ("way", way, WAYS)):
         if found not in known:
@@ -108,7 +108,7 @@ def fly(
         elif begun and manoeuvre == "push" and k * PERIOD < START + 1.0:
             push[0] = 10.0
         elif begun and manoeuvre == "roll":
-            # About the centre of mass, which is commanded to stay.
+            # About the centre of mass, whose position stays commanded.
             rotation = so3.exp(np.array([math.radians(60), 0.0, 0.0])) @ home_rotation
             place = [0.0, 0.0, 1.0] + rotation @ vehicle.tool_rotation.T @ vehicle.tool_position
         command = pilot.step((k + 1) * PERIOD, plant, Setpoint(position=place, rotation=rotation))
@@ -144,7 +144,7 @@ def fly(
 
 @dataclass(frozen=True)
 class _Columns:
-    """What a pilot leaves of each period: m, deg, N (n, 3), and whether a limit was active."""
+    """The values of each period: m, deg, N (n, 3), and whether a limit was active."""
 
     position_error: Array
     attitude_error: Array
@@ -153,7 +153,7 @@ class _Columns:
 
 
 class _Flown:
-    """The flight that `tilthex-rt` flies. Its supervisor lets it go as far as a manoeuvre takes it."""
+    """The flight of `tilthex-rt`, with a supervisor that does not stop a manoeuvre."""
 
     LIMITS: ClassVar[dict[str, float]] = {
         "max_position_error": 10.0,
@@ -184,7 +184,10 @@ class _Flown:
 
 
 class _Clipped:
-    """The comparison: the controller, whose inputs `A^+ w` are cut off at the limits. Nothing flies so."""
+    """The comparison: the controller with its inputs `A^+ w` clipped at the limits.
+
+    No program flies this way.
+    """
 
     def __init__(self, config: Config) -> None:
         vehicle = config.vehicle
@@ -217,7 +220,7 @@ class _Known(TypedDict):
 
 
 def _known(plant: Plant) -> _Known:
-    """The state of the plant, as exact sensors tell it."""
+    """The state of the plant, as exact sensors would give it."""
     return {
         "position": plant.position,
         "velocity": plant.velocity,
@@ -232,20 +235,20 @@ def add_parser(subparsers: Any) -> None:
     """Registers the command with the parsers of `tilthex`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "manoeuvres",
-        help="fly what the rotors cannot give, with the allocator and with a clip",
+        help="fly manoeuvres beyond the rotors' limits, with the allocator and with a clip",
         description="Flies saturating manoeuvres with every vehicle, prints a table and plots each.",
     )
     parser.add_argument(
         "--vehicle", action="append", help="a preset or a TOML file, any number of times (default: all)"
     )
     parser.add_argument("--truth", metavar="LEVEL", help=TRUTH_HELP)
-    parser.add_argument("--seed", type=int, default=1, help="with --truth: chooses the vehicle")
+    parser.add_argument("--seed", type=int, default=1, help="with --truth: seed of the vehicle")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Flies all, prints a Markdown table and writes a plot a vehicle."""
+    """Flies all manoeuvres, prints a Markdown table and writes a plot for each vehicle."""
     arguments.out.mkdir(parents=True, exist_ok=True)
     columns = (
         "vehicle",
@@ -278,7 +281,10 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def attitude_errors(flight: Flight, manoeuvre: str, way: str) -> Array:
-    """The attitude errors that count, deg: without a turn, a roll's error begins as the commanded 60 deg."""
+    """The attitude errors that count, deg.
+
+    For an attitude that does not yield, the error of a roll begins at 60 deg.
+    """
     begin = START + 1.5 if manoeuvre == "roll" and way != "turned" else 0.0
     return flight.attitude_error[flight.time >= begin]
 
@@ -295,7 +301,7 @@ def _plot(flights: dict[tuple[str, str], Flight], ways: tuple[str, ...], title: 
             flight = flights[manoeuvre, way]
             upper.plot(flight.time, flight.attitude_error, label=way)
             lower.plot(flight.time, flight.position_error, label=way)
-        # What is lost leaves the picture; what is held stays readable.
+        # A lost flight leaves the picture; the others stay readable.
         upper.set_ylim(0, 20)
         lower.set_ylim(0, 3)
         for axes in (upper, lower):

@@ -1,10 +1,9 @@
 """A vehicle as a MuJoCo model (MJCF).
 
-The body frame is R with its origin in the centre of mass, the rotors are
-actuators: control i is the rotor input u_i = w_i |w_i| in Hz^2, and its gear is
-column i of the allocation matrix (8)-(9), so thrust and drag moment act as in the
-controller's own model. The lag of the rotors is left to whoever sets the
-controls: it acts on speeds, not on their squares.
+The body frame is R with its origin in the centre of mass. The rotors are actuators: control i is the
+rotor input u_i = w_i |w_i| in Hz^2, and its gear is column i of the allocation matrix (8)-(9), so that
+thrust and drag moment act as in the controller's own model. The model has no rotor lag: the program that
+sets the controls must apply it, because it acts on speeds and not on their squares.
 """
 
 from __future__ import annotations
@@ -28,8 +27,8 @@ TOOL_RADIUS = 0.003
 TIMESTEP = 0.001
 """Time step, s."""
 
-# Contact that holds at this time step: stiff enough for 0.15 mm at 5 N, and a first
-# solimp value near zero, without which a sliding tip loses contact every other step.
+# Contact parameters for this time step: stiff enough for 0.15 mm at 5 N, and a first solimp value
+# near zero. With a larger value a sliding tip loses contact in every second step.
 CONTACT = {"solref": "0.004 1", "solimp": "0.001 0.95 0.0001", "condim": "3"}
 
 
@@ -39,18 +38,19 @@ DAMPING = 0.02
 
 @dataclass(frozen=True)
 class Rod:
-    """A rod that bends, as a rigid one on two springy hinges at its clamp."""
+    """A rod that bends: a rigid rod on two hinges with springs at its clamp."""
 
     stiffness: float
-    """Lateral force at the tip for its lateral displacement, N/m."""
+    """Lateral force at the tip divided by its lateral displacement, N/m."""
     length: float
-    """From the clamp to the tip, m."""
+    """Length from the clamp to the tip, m."""
     mass: float = 0.02
-    """Of it, kg; part of the vehicle's: a carbon rod of 6 mm and 0.4 m."""
+    """Mass of the rod, kg, which is part of the vehicle's mass; that of a carbon rod of 6 mm and 0.4
+    m."""
 
 
 def numbers(values: Iterable[float]) -> str:
-    """Numbers as MJCF writes them, exact to the last bit."""
+    """Numbers as MJCF writes them, without loss of precision."""
     return " ".join(repr(float(x)) for x in values)
 
 
@@ -58,12 +58,12 @@ def quaternion(rotation: Vector) -> str:
     """A rotation matrix as MJCF's quaternion, w first."""
     turn = so3.log(rotation)
     half = 0.5 * float(np.linalg.norm(turn))
-    # sin(t/2)/t, without the division at no turn.
+    # sin(t/2)/t, without a division by zero at t = 0.
     return numbers((np.cos(half), *(0.5 * np.sinc(half / np.pi) * turn)))
 
 
 def contact_geom(parent: ET.Element, friction: float, **attributes: str) -> ET.Element:
-    """A geom that collides, with one coefficient of friction against its like."""
+    """A geom that collides, with one coefficient of friction between geoms of this kind."""
     return ET.SubElement(parent, "geom", CONTACT | {"friction": f"{friction!r} 0 0"} | attributes)
 
 
@@ -75,12 +75,12 @@ def robot_body(
     feet: Sequence[ET.Element] = (),
     rod: Rod | None = None,
 ) -> ET.Element:
-    """The robot: inertia, rod, sites `tool`, `imu`, `centre_of_mass`, and discs to look at."""
+    """The robot: inertia, rod, sites `tool`, `imu`, `centre_of_mass`, and visible discs."""
     body = ET.Element("body", name="robot", pos=numbers(position), quat=quaternion(rotation))
     ET.SubElement(body, "freejoint", name="robot")
     tip, up = vehicle.tool_position, vehicle.tool_rotation[:, 2]
     mass, centre, inertia = vehicle.mass, np.zeros(3), vehicle.inertia
-    # The tool's frame, and the body that it is fixed to.
+    # The tool's frame, and the body to which it is fixed.
     tool, origin, turned = body, tip, vehicle.tool_rotation
     if rod is not None:
         mass, centre, inertia = _without_rod(vehicle, rod)
@@ -124,11 +124,12 @@ def to_mjcf(
             controls are inputs u = w |w| in Hz^2 within the rotors' limits.
         world: Elements of the world body.
         extra: Elements of the model itself, such as `equality`.
-        feet: Elements of the robot's body, R; those without mass leave its inertia alone.
-        position: Where the centre of mass starts, m, W.
-        rotation: How the robot is turned at the start, robot to world; level without it.
+        feet: Elements of the robot's body, R; elements without mass do not change its inertia.
+        position: Position of the centre of mass at the start, m, W.
+        rotation: Rotation of the robot at the start, robot to world; level if it is missing.
         tool_length: Length of the rod behind the tip, m.
-        rod: How the rod bends; a body of its own, `tool`, on two hinges. Rigid without.
+        rod: The bending of the rod, which then is a body `tool` on two hinges. A rigid rod if it is
+            missing.
 
     Returns:
         The model as XML text. Sensors: `accelerometer`, `gyro` (IMU axes).
@@ -193,9 +194,9 @@ def _hang(body: ET.Element, vehicle: Vehicle, rod: Rod) -> ET.Element:
 
 
 def _without_rod(vehicle: Vehicle, rod: Rod) -> tuple[float, Vector, Vector]:
-    """Mass, centre of mass (R) and inertia about it of what the rod leaves of the vehicle.
+    """Mass, centre of mass (R) and inertia about it of the vehicle without the rod.
 
-    Rod and rest together have the vehicle's own.
+    Together with the rod they give those of the vehicle.
     """
     up = vehicle.tool_rotation[:, 2]
     middle = vehicle.tool_position + 0.5 * rod.length * up
@@ -212,7 +213,7 @@ def _without_rod(vehicle: Vehicle, rod: Rod) -> tuple[float, Vector, Vector]:
 
 
 def _on_the_rod(element: ET.Element) -> ET.Element:
-    """An equality that holds the robot by its tool, at the rod."""
+    """An equality that holds the robot at its tool; it is moved to the rod."""
     text = ET.tostring(element, encoding="unicode").replace('body1="robot"', 'body1="tool"')
     return ET.fromstring(text)
 

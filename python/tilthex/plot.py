@@ -1,4 +1,4 @@
-"""`tilthex plot`: a flight's log as a picture."""
+"""`tilthex plot`: draws a flight's log."""
 
 from __future__ import annotations
 
@@ -20,9 +20,7 @@ def add_parser(commands: Any) -> None:
         "plot", help="draw a flight's log", description=__doc__
     )
     parser.add_argument("log", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
-    parser.add_argument(
-        "--out", type=Path, help="picture to write; LOG with .png in place of .mcap by default"
-    )
+    parser.add_argument("--out", type=Path, help="picture to write (default: LOG with .png instead of .mcap)")
     parser.set_defaults(run=_run)
 
 
@@ -64,7 +62,7 @@ def figure(path: str | Path) -> Figure:
     axes[1].set_ylabel("position error, m")
     lines(2, "/control", "rotation_error_r", "-", "")
     axes[2].set_ylabel("rotation error")
-    # What a simulated vehicle knows of itself; a real one does not.
+    # A simulated vehicle has true values in its log; a real one has none.
     if "/truth" in flight.topics:
         topics["/truth"] = flight.columns("/truth")
         lines(3, "/truth", "tool_wrench_w.force", ":", "true")

@@ -1,8 +1,8 @@
 """The body wrenches that a vehicle's rotors can produce within their limits.
 
-Of a vehicle with bounded rotor inputs they are a convex polytope, the image of
-a box. `wrench_polytope` gives it whole, or the section where some components
-have a given value, with vertices, facets and what follows from them.
+If the rotor inputs are bounded, the wrenches are a convex polytope: the image of a box. `wrench_polytope`
+returns all of it, or the section in which some components have a given value, with its vertices and
+facets.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ class WrenchPolytope:
     """A convex set of wrenches, or of some components of them.
 
     Attributes:
-        components: names of the k components, of `COMPONENTS`.
+        components: Names of the k components, of `COMPONENTS`.
         vertices: (v, k), N and N m.
         inputs: (v, n), rotor inputs in Hz^2 that produce each vertex.
         normals: (m, k), outward, of unit length.
-        offsets: (m,): a point x is inside where `normals @ x <= offsets`.
-        dimension: of the set; below k where the vehicle cannot produce them independently.
-        volume: in that dimension.
+        offsets: (m,): a point x is inside if `normals @ x <= offsets`.
+        dimension: Dimension of the set; below k if the vehicle cannot produce the components
+            independently.
+        volume: Volume in that dimension.
     """
 
     components: tuple[str, ...]
@@ -51,7 +52,7 @@ class WrenchPolytope:
     volume: float
 
     def margin(self, wrench: ArrayLike) -> Array:
-        """Distance to the nearest facet, negative outside; of one point (k,) or many (..., k)."""
+        """Distance to the nearest facet, negative outside; for one point (k,) or many (..., k)."""
         point = np.asarray(wrench, dtype=float)
         if point.shape[-1:] != (len(self.components),):
             found, wanted = point.shape, len(self.components)
@@ -60,12 +61,15 @@ class WrenchPolytope:
         return margin
 
     def contains(self, wrench: ArrayLike, tolerance: float = 1e-9) -> NDArray[np.bool_]:
-        """Whether points are inside."""
+        """Whether points are inside, to within `tolerance`."""
         inside: NDArray[np.bool_] = self.margin(wrench) >= -tolerance
         return inside
 
     def reach(self, direction: ArrayLike, start: ArrayLike | None = None) -> float:
-        """How far one can go from a start (default: no wrench) along a direction; below 0 from outside."""
+        """How far the set reaches from a start (default: no wrench) along a direction.
+
+        Negative if the start is outside.
+        """
         along = np.asarray(direction, dtype=float)
         along = along / np.linalg.norm(along)
         begin = np.zeros(len(self.components)) if start is None else np.asarray(start, dtype=float)
@@ -78,7 +82,7 @@ class WrenchPolytope:
 
     @cached_property
     def inscribed_ball(self) -> tuple[Array, float]:
-        """Centre and radius of the largest ball inside; radius 0 of a flat set."""
+        """Centre and radius of the largest ball inside; the radius of a flat set is 0."""
         from scipy.optimize import linprog
 
         k = len(self.components)
@@ -142,15 +146,15 @@ def wrench_polytope(
     """The set of body wrenches of a vehicle, or a section of it.
 
     Args:
-        vehicle: whose rotors, with their limits.
-        hover: count wrenches from the one that carries the weight: what can be
-            exerted in addition to hovering.
-        fix: components (`COMPONENTS`) and their values; the set is of the others.
-        lost: rotors, from 0, that stand still.
-        rotation: orientation `R_WR` of the hover, (3, 3); level by default.
+        vehicle: The vehicle, with the limits of its rotors.
+        hover: Whether to subtract the wrench that carries the weight: the set then holds what the vehicle
+            can exert in addition to hovering.
+        fix: Components (`COMPONENTS`) and their values; the set has the other components.
+        lost: Rotors, from 0, that stand still.
+        rotation: Orientation `R_WR` of the hover, (3, 3); level by default.
 
     Raises:
-        ValueError: where a name is unknown, or nothing has the fixed components.
+        ValueError: A name is unknown, or no wrench has the fixed components.
     """
     fixed = {} if fix is None else dict(fix)
     for name in fixed:
@@ -177,9 +181,9 @@ def wrench_polytope(
 
 
 def lateral_reach(vehicle: Vehicle, lost: Sequence[int] = ()) -> float:
-    """Horizontal force, N, possible in every direction in a level hover without a torque.
+    """Horizontal force, N, that is possible in every direction in a level hover without a torque.
 
-    Zero of a vehicle that must lean; minus infinity where it cannot hover level.
+    Zero for a vehicle that must lean; minus infinity if it cannot hover level.
     """
     try:
         section = wrench_polytope(vehicle, hover=True, fix={"fz": 0.0, **NO_TORQUE}, lost=lost)
@@ -189,7 +193,7 @@ def lateral_reach(vehicle: Vehicle, lost: Sequence[int] = ()) -> float:
 
 
 def payload(vehicle: Vehicle) -> float:
-    """Mass, kg, that can be added in the centre of mass with the vehicle still in a level hover."""
+    """Mass, kg, that can be added in the centre of mass so that the vehicle still hovers level."""
     section = wrench_polytope(vehicle, hover=True, fix={"fx": 0.0, "fy": 0.0, **NO_TORQUE})
     return section.reach([1.0]) / GRAVITY
 
@@ -208,10 +212,10 @@ class StaticHover:
     """A hover without motion (Michieletto, Ryll, Franchi, T-RO 34(3), 2018).
 
     Attributes:
-        thrust_direction: (3,), body: what points up.
-        tilt: its angle from the body's z axis, rad.
+        thrust_direction: (3,), body: the direction that points up.
+        tilt: Its angle from the body's z axis, rad.
         inputs: (n,), Hz^2.
-        margin: part of its input range that every working rotor keeps at either end; at most 0.5.
+        margin: Part of its input range that every working rotor keeps at either end; at most 0.5.
     """
 
     thrust_direction: Array
@@ -221,10 +225,10 @@ class StaticHover:
 
 
 def static_hover(vehicle: Vehicle, lost: Sequence[int] = ()) -> StaticHover | None:
-    """The hover that leaves the rotors the largest margin, or None where there is none.
+    """The hover that leaves the rotors the largest margin, or None if there is none.
 
-    A rotor set can hover where some inputs within the limits give no torque and
-    a force as large as the weight, whatever its direction in the body.
+    A set of rotors can hover if some inputs within the limits give no torque, and a force as large as the
+    weight in any direction of the body.
     """
     weight = vehicle.mass * GRAVITY
     matrix = vehicle.allocation
@@ -240,7 +244,8 @@ def static_hover(vehicle: Vehicle, lost: Sequence[int] = ()) -> StaticHover | No
         forces = inputs @ matrix[:3].T
         size = np.linalg.norm(forces, axis=1)
         strong = int(size.argmax())
-        # The set is convex: between its weakest and its strongest force lies every size.
+        # The set is convex, so that it has a force of every magnitude between its weakest and its
+        # strongest.
         weakest = _smallest(forces)
         if size[strong] < weight or np.linalg.norm(weakest[0]) > weight:
             return None
@@ -280,7 +285,7 @@ def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPo
 
     k = len(components)
     centre = points.mean(axis=0)
-    # Forces and torques each in their own size, so that "flat" has a meaning.
+    # Forces and torques are each divided by their own size, so that "flat" has a meaning.
     spread = np.abs(points - centre).max(axis=0)
     size = np.where(spread > 1e-9 * max(1.0, spread.max()), spread, 1.0)
     scaled = (points - centre) / size
@@ -292,7 +297,7 @@ def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPo
     if dimension >= 2:
         try:
             hull = ConvexHull(scaled @ inner.T)
-        except QhullError:  # parallel rotors put many corners in one place: joggled, Qhull copes
+        except QhullError:  # parallel rotors give equal vertices; with joggled input Qhull succeeds
             hull = ConvexHull(scaled @ inner.T, qhull_options="QJ")
         _, first = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)
         facets = hull.equations[first]
@@ -321,7 +326,10 @@ def _hull(components: tuple[str, ...], points: Array, inputs: Array) -> WrenchPo
 
 
 def _smallest(forces: Array) -> tuple[Array, Array]:
-    """The point of least size in the hull of some forces, and its weights (non-negative least squares)."""
+    """The point of smallest norm in the hull of some forces, and its weights.
+
+    It comes from non-negative least squares.
+    """
     from scipy.optimize import nnls
 
     heavy = 1e3 * float(np.abs(forces).max())
@@ -331,7 +339,7 @@ def _smallest(forces: Array) -> tuple[Array, Array]:
 
 
 def _part_of_size(start: Array, end: Array, size: float) -> float:
-    """How far along from start to end a vector of that size lies."""
+    """The fraction of the way from start to end at which a vector has this norm."""
     step = end - start
     a, b, c = float(step @ step), float(start @ step), float(start @ start) - size * size
     return (-b + math.sqrt(max(0.0, b * b - a * c))) / a if a > 0 else 0.0

@@ -17,15 +17,15 @@ from tilthex.readers.columns import QUANTITIES, Stream
 Array = NDArray[np.float64]
 
 NEAR = 0.01
-"""Quaternions and matrices this near to a rotation are made one; others are refused."""
+"""Quaternions and matrices this close to a rotation are corrected to one; others are refused."""
 
 
 @dataclass(frozen=True)
 class Recording:
-    """What `Ukf.run` takes.
+    """The inputs of `Ukf.run`.
 
-    Times in s; gyro in rad/s and specific force in m/s^2, (n, 3), IMU axes; poses of the
-    captured body: position in m, (m, 3), rotation (m, 3, 3), and when each arrived.
+    Times in s; gyro in rad/s and specific force in m/s^2, (n, 3), IMU axes; poses of the captured body:
+    position in m, (m, 3), rotation (m, 3, 3), and the time at which each arrived.
     """
 
     imu_time: Array
@@ -40,16 +40,16 @@ class Recording:
     def from_file(
         path: Path | str, config: _core.Config, *, imu: str | None = None, poses: str | None = None
     ) -> Recording:
-        """Reads a log of tilthex-rt, or what another program has recorded: docs/recordings.md.
+        """Reads a log of tilthex-rt, or a recording of another program: docs/recordings.md.
 
         Args:
             path: The file: .mcap, .csv, .mat, .ulg, or the folder of a ROS 2 bag.
-            config: The configuration; a log of tilthex-rt is read with its link.
-            imu: The topic of the inertial samples, where several have some.
+            config: The configuration; its link decodes a log of tilthex-rt.
+            imu: The topic of the inertial samples, if more than one topic has some.
             poses: The topic of the poses, or another file that holds them.
 
         Raises:
-            ValueError: The file lacks what is needed, with what it has.
+            ValueError: The file lacks data; the message says what it has.
         """
         path = Path(path)
         recording = None
@@ -63,7 +63,7 @@ class Recording:
         return recording
 
     def select(self, poses: NDArray[Any]) -> Recording:
-        """The same with some of the poses only."""
+        """A recording with some of the poses only."""
         return Recording(
             self.imu_time,
             self.gyro,
@@ -75,7 +75,7 @@ class Recording:
         )
 
     def estimate(self, ukf: _core.Ukf, *, covariance: bool = False) -> _core.UkfRun:
-        """Runs the estimator over it."""
+        """Runs the estimator over the recording."""
         return ukf.run(
             self.imu_time,
             self.gyro,
@@ -101,7 +101,7 @@ def rotations_from_quaternions(xyzw: Array) -> Array:
 
 
 def _read_log(path: Path, config: _core.Config) -> Recording:
-    """A log of tilthex-rt."""
+    """Reads a log of tilthex-rt."""
     times, chunks = [], []
     poses: list[list[float]] = []
     for _, tick in Log(path).messages("/input"):
@@ -117,7 +117,7 @@ def _read_log(path: Path, config: _core.Config) -> Recording:
 
 
 def _read_streams(path: Path, imu_name: str | None, poses_name: str | None) -> Recording:
-    """What another program has recorded."""
+    """Reads a recording of another program."""
     streams = readers.read(path)
     others = readers.read(Path(poses_name)) if poses_name and Path(poses_name).exists() else None
     inertial = _chosen(path, streams, "inertial samples", "--imu", imu_name, ("gyro", "force"))
@@ -170,7 +170,7 @@ def _question_clocks(path: Path, recording: Recording) -> None:
 def _chosen(
     path: Path, streams: list[Stream], what: str, option: str, name: str | None, *needed: tuple[str, ...]
 ) -> Stream:
-    """The stream that holds what is needed, whole: the one that is named, or the only one."""
+    """The stream that has all columns: the one with the given name, or the only one."""
     if name is not None:
         named = [stream for stream in streams if stream.place.endswith(name)]
         if not named:
@@ -204,7 +204,7 @@ def _missing(stream: Stream, kind: tuple[str, ...]) -> list[str]:
 
 
 def _rows(stream: Stream, kind: tuple[str, ...]) -> tuple[NDArray[np.int64], dict[str, Array]]:
-    """The numbers of the rows that hold something, and the quantities there: time (n,), others (n, axes)."""
+    """The rows that hold numbers, and the quantities there: time (n,), others (n, axes)."""
     time = stream.find("time")[""]
     columns = {}
     for quantity in kind:
@@ -219,7 +219,7 @@ def _rows(stream: Stream, kind: tuple[str, ...]) -> tuple[NDArray[np.int64], dic
 
 
 def _from_quaternions(stream: Stream, rows: NDArray[np.int64], xyzw: Array) -> Array:
-    """Rotations; a quaternion of zeros is a body that was not seen."""
+    """Rotations; a quaternion of zeros stands for a body that was not seen."""
     norm = np.linalg.norm(xyzw, axis=1)
     for row in np.flatnonzero((norm > 0) & (abs(norm - 1) > NEAR))[:1]:
         place = f"{stream.place}, {stream.row(rows[row])}"
@@ -228,7 +228,7 @@ def _from_quaternions(stream: Stream, rows: NDArray[np.int64], xyzw: Array) -> A
 
 
 def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Array:
-    """The nearest rotations of matrices that are rotations but for their rounding."""
+    """The nearest rotations of matrices that are rotations except for rounding."""
     matrices = flat.reshape(-1, 3, 3)
     u, stretch, v = np.linalg.svd(matrices)
     off = np.max(abs(stretch - 1), axis=1, initial=0.0)
@@ -243,6 +243,6 @@ def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Arra
 
 
 def _assemble(imu: Array, taken: Array, arrival: Array, position: Array, rotation: Array) -> Recording:
-    """In the order of time, without samples that are there twice."""
+    """A recording in the order of time, without duplicate samples."""
     imu = imu[np.unique(imu[:, 0], return_index=True)[1]]
     return Recording(imu[:, 0], imu[:, 1:4], imu[:, 4:7], taken, position, rotation, arrival)

@@ -1,4 +1,4 @@
-"""`tilthex tune`: gains that follow from a vehicle, with the reasons (docs/stability.md)."""
+"""`tilthex tune`: derives gains from a vehicle, with the reasons (docs/stability.md)."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from tilthex.check import (
 )
 
 DRAWS = 20
-"""Vehicles of *measured* that are drawn."""
+"""Number of vehicles that are drawn from *measured*."""
 
 
 def add_parser(subparsers: Any) -> None:
     """Registers the command with the parsers of `tilthex`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "tune",
-        help="gains that follow from a vehicle",
+        help="derive gains from a vehicle",
         description="Derives the gains of pose control and observer from the rotors' lag, the delays and "
-        "the way a vehicle moves, and prints them as TOML with the reasons.",
+        "the vehicle's dynamics, and prints them as TOML with the reasons.",
     )
     parser.add_argument("config", help="a configuration, a vehicle's TOML file, or a preset")
     parser.add_argument("--out", type=Path, help="write the sections to this file")
@@ -48,7 +48,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def tuned(config: Config) -> Iterator[str]:
-    """The lines of the sections `pose_control` and `wrench_observer`, with what they are derived from."""
+    """The lines of the sections `pose_control` and `wrench_observer`, with the reasons for the gains."""
     sections = LoopModel(config).derive()
     result = config.replace(**sections)
     model, before = LoopModel(result), LoopModel(config).hover()

@@ -1,4 +1,4 @@
-"""An estimated and a measured wrench beside each other: the paper's low-pass, and figures."""
+"""An estimated and a measured wrench side by side: the paper's low-pass, and figures."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LOW_PASS = 6.0
-"""Cut-off of the paper's low-pass without phase, Hz."""
+"""Cut-off of the paper's low-pass without phase shift, Hz."""
 NAMES = ("force x", "force y", "force z", "torque x", "torque y", "torque z")
 
 
 def without_phase(values: Array, rate: float, cut_off: float = LOW_PASS) -> Array:
-    """A second-order Butterworth low-pass forwards and backwards, as in the paper; rates in Hz."""
+    """The paper's second-order Butterworth low-pass, forwards and backwards; rates in Hz."""
     from scipy.signal import butter, filtfilt
 
     b, a = butter(2, cut_off, fs=rate)
@@ -47,7 +47,7 @@ def norms(time: Array, estimate: Array, sensor: Array) -> Figure:
 
 
 def components(time: Array, estimate: Array, sensor: Array) -> Figure:
-    """One row a component: forces left, torques right, sensor dashed, and their difference below in grey."""
+    """One row per component: forces left, torques right, sensor dashed, differences below in grey."""
     import matplotlib.pyplot as plt
 
     figure, grid = plt.subplots(3, 2, figsize=(14, 9), sharex=True, layout="constrained")

@@ -55,6 +55,7 @@ pub struct LinkedFlight {
 
 impl LinkedFlight {
     /// A flight that has not begun, over a link that has received no byte; `route` is flown after take-off.
+    ///
     /// # Errors
     /// The first parameter that a block refuses.
     pub fn new(params: LinkedParams, route: Option<Route>) -> Result<Self, Error> {

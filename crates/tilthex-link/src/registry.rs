@@ -45,6 +45,7 @@ macro_rules! links {
 
         impl Link {
             /// A link that has received no byte, for a vehicle with `rotor_count` rotors.
+            ///
             /// # Errors
             /// If the link refuses the period of a stream.
             pub fn new(kind: LinkKind, params: LinkParams, rotor_count: usize) -> Result<Self, Error> {

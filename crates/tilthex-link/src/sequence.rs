@@ -76,6 +76,7 @@ impl SequenceClock {
 
     /// A stream with a period in s that has received no sample. Stamps may differ by four periods, or by the
     /// parameters' jump if that is larger.
+    ///
     /// # Errors
     /// If the period is not within 10 us to 2.5 s, or [`ClockSync::new`] refuses the parameters.
     pub fn new(period: f64, params: ClockParams) -> Result<Self, Error> {

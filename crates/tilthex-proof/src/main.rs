@@ -1,5 +1,7 @@
 //! A proof, at link time, that no step function of the core can panic.
+//!
 //! A function with `#[no_panic]` does not link if the optimiser finds a path from it to a panic:
+//!
 //! `cargo build --profile proof -p tilthex-proof --features proof`
 
 use no_panic::no_panic;

@@ -202,6 +202,7 @@ impl Loop {
     /// of the model's values, `rotor_axis` (n,), rad, `centre_of_mass` (3,), m, robot, `accelerometer_bias` (3,),
     /// m/s^2 (the part that the estimator does not remove). `false_force`, N, and `false_torque` about the centre of
     /// mass, N m: the contact that the observer reports although there is none, in hovers tilted by 15 degrees.
+    ///
     /// `excited` says for each of them whether the flight determined more than half of the uncertainty before the
     /// flight (for tuples and arrays: their mean). `hovers`: the number of hovers from which the model was learnt; 0
     /// before a calibration flight.
@@ -242,6 +243,7 @@ impl Loop {
     }
 
     /// The record as a dict of arrays, (N, k), one row per period; rotations row by row.
+    ///
     /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the state of the robot that the controller
     /// got. `position_error`, `rotation_error`: of the pose controller. `wrench_robot` (force W, torque R) and
     /// `wrench_tool` (W): observed. `wrench_admittance` (W): after low-pass and dead zone. `wind`: estimated velocity

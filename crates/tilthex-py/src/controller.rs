@@ -31,6 +31,7 @@ impl Controller {
     }
 
     /// One tick, from measurements to rotor speeds.
+    ///
     /// position, velocity: of the centre of mass, (3,), m and m/s, world. rotation: `R_WR`, (3, 3). angular_velocity:
     /// (3,), rad/s, robot. specific_force: at the centre of mass, (3,), m/s^2, robot. rotor_speeds: measured, (n,),
     /// Hz. dt: measured time since the last tick, s. compliant: whether contact moves the reference. learn_bias:

@@ -15,6 +15,7 @@ use tilthex_core::{
 };
 
 /// Way-points of the tool in six dimensions, joined by quintic polynomials that begin and end at rest.
+///
 /// Each way-point is a dict with `position` (3,), m, world. These keys are optional: `rotation` (3, 3); `wrench` (6,)
 /// that the tool shall exert; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
 /// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it.
@@ -68,6 +69,7 @@ impl Trajectory {
 /// The contact-free flight that shows the errors of a vehicle's model. It begins and ends with a level hover with the
 /// tool at `position` (3,), m, world, and a `heading`, rad. Between them are three hovers about the same centre of
 /// mass, tilted by 10 to 15 degrees in directions 120 degrees apart.
+///
 /// Fly it with `learn_model=True` in every `Loop.step`, at least half a metre from anything that the tool could
 /// touch. A vehicle that hovers only level, or whose rotors cannot produce a tilt, gets the hovers that it can fly.
 #[pyfunction]

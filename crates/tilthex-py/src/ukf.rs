@@ -88,6 +88,7 @@ impl Ukf {
 
     /// Runs a whole recording in the order in which a vehicle would have seen it: samples in their order, each pose
     /// as soon as it has arrived. If the filter has not started, the first pose starts it.
+    ///
     /// imu_time (n,) s, gyro (n, 3) rad/s, specific_force (n, 3) m/s^2; pose_time (m,) s, position (m, 3) m, rotation
     /// (m, 3, 3); pose_arrival_time (m,) s, equal to pose_time if not given. Poses with NaN count as invalid.
     /// Rotations may be rounded (to 1e-3). Values that look like other units are refused with a question.

@@ -200,12 +200,14 @@ impl Vehicle {
     }
 
     /// The vehicle as a MuJoCo model, XML text: rotors as actuators with u = w |w|, Hz^2, as control.
+    ///
     /// It calls `tilthex.mjcf.to_mjcf`, which can also place the vehicle in a world.
     fn to_mjcf(this: Bound<'_, Self>) -> PyResult<String> {
         this.py().import("tilthex.mjcf")?.call_method1("to_mjcf", (this,))?.extract()
     }
 
     /// The body wrenches that the rotors can produce within their limits, or a section of them.
+    ///
     /// It calls `tilthex.polytope.wrench_polytope` with these arguments.
     #[pyo3(signature = (hover=false, fix=None, lost=None, rotation=None))]
     fn wrench_polytope<'py>(

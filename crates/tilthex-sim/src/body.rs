@@ -48,6 +48,7 @@ pub trait Body {
     }
 
     /// Ends its world.
+    ///
     /// # Errors
     /// One sentence, if the world had failed or does not end properly.
     fn finish(&mut self) -> Result<(), SimError> {

@@ -56,6 +56,7 @@ impl SimulationParams {
     }
 
     /// A vehicle on the ground with the properties that were drawn for it.
+    ///
     /// # Errors
     /// If an effect is out of its range.
     pub fn of(drawn: &TrueVehicle) -> Result<Self, SimError> {
@@ -253,6 +254,7 @@ impl<B: Body> Simulation<B> {
     }
 
     /// Ends the body's world.
+    ///
     /// # Errors
     /// One sentence, if the world had failed or does not end properly.
     pub fn finish(&mut self) -> Result<(), SimError> {

@@ -49,6 +49,7 @@ impl Pushes {
     }
 
     /// Reads a file of pushes.
+    ///
     /// # Errors
     /// One sentence that names the file, the push and what is wrong with it.
     pub fn read(path: &Path) -> Result<Self, SimError> {

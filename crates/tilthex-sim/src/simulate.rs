@@ -63,6 +63,7 @@ pub struct Scenario<'a> {
 }
 
 /// Simulates a scenario.
+///
 /// # Errors
 /// If the flight refuses the scenario.
 pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {

@@ -1,4 +1,4 @@
-"""Random campaigns: many cases in parallel processes, and a table of what failed."""
+"""Random campaigns: many cases in parallel processes, and a table of the failed ones."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RESULTS = tuple(field.name for field in fields(peg_in_hole.Insertion))
 
 @dataclass(frozen=True)
 class Attempt:
-    """One case and how it went."""
+    """One case and its result."""
 
     index: int
     tilt_deg: float
@@ -54,7 +54,7 @@ def fly_all(run: Run, seed: int, count: int, *, exact: bool, jobs: int | None) -
 
 
 def reason(found: Attempt) -> str:
-    """Why an attempt failed, in a few words; empty when it did not."""
+    """Why an attempt failed, in a few words; empty if it did not fail."""
     result = found.result
     if result.inserted_at is None:
         return f"reached {1e3 * result.depth:.1f} mm"
@@ -68,7 +68,7 @@ def reason(found: Attempt) -> str:
 
 
 def checks(attempts: Sequence[Attempt], run: Run) -> list[Check]:
-    """The campaign's line in the table of results."""
+    """The lines of the campaign in the table of results."""
     good = sum(found.result.succeeded for found in attempts)
     ranges = run.random
     (lowest, highest), (smooth, rough) = ranges["tilt_deg"], ranges["friction"]

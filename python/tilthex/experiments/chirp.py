@@ -19,7 +19,7 @@ def chirp_frequency(run: Run, time: Vector) -> Vector:
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Error norm by amplitude over the last half second, at 2.5 Hz."""
+    """Amplitude of the error divided by that of the signal, over the last half second, at 2.5 Hz."""
     table = []
     last = (record.time > run.swing["end"] - 1.0) & (record.time < run.swing["end"])
     for name, part, unit in (("force", slice(0, 3), "N"), ("torque", slice(3, 6), "N m")):

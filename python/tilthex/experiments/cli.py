@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 NEEDED = {"mujoco": "MuJoCo", "scipy": "SciPy", "matplotlib": "Matplotlib", "tqdm": "tqdm"}
 _BAR: dict[str, Any] = {"file": sys.stderr, "leave": False, "disable": None}
-"""Progress is for a terminal: into a file or a pipe it writes nothing."""
+"""Shows progress only on a terminal, not in a file or a pipe."""
 WIRE_NEEDED = {"mcap": "mcap", "mcap_protobuf": "mcap-protobuf-support"}
 
 
@@ -32,20 +32,25 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("name", help=f"{', '.join(_names())}, all, or a TOML file")
     parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
-    parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="where the state comes from")
+    parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="the source of the state")
     parser.add_argument(
         "--wire",
         action="store_true",
         help="in real time, tilthex-rt against tilthex-sim, over tk3 and NatNet (files with `wire = true`)",
     )
     parser.add_argument(
-        "--random", type=int, metavar="N", help="fly N random cases, of an experiment that has them"
+        "--random", type=int, metavar="N", help="fly N random cases, if the experiment has random cases"
     )
     parser.add_argument("--seed", type=int, default=None, help="seed of the noise and of the random cases")
     parser.add_argument(
-        "--case", type=int, metavar="I", help="with --random: fly only this case, whole report"
+        "--case",
+        type=int,
+        metavar="I",
+        help="with --random: fly only this case, and write its complete report",
     )
-    parser.add_argument("--jobs", type=int, default=None, help="processes of a campaign (default: the cores)")
+    parser.add_argument(
+        "--jobs", type=int, default=None, help="number of processes of a campaign (default: number of cores)"
+    )
     parser.add_argument(
         "--vehicle", metavar="NAME", help="fly another vehicle: a preset or a TOML file (default: the file's)"
     )
@@ -53,7 +58,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--calibration",
         choices=("none", "tilts"),
-        help="what is flown first to learn the vehicle's model (default: the file's, or none)",
+        help="the flight that first corrects the vehicle's model (default: the file's, or none)",
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
@@ -73,10 +78,10 @@ def run(arguments: argparse.Namespace) -> None:
             "pip install 'tilthex[analysis,experiments]'"
         )
     if arguments.case is not None and arguments.random is None:
-        raise ValueError("--case I names a case of a campaign; say which with --random N --seed S")
+        raise ValueError("--case I is a case of a campaign; give the campaign with --random N --seed S")
     if arguments.wire and (arguments.random is not None or arguments.state == "exact"):
         raise ValueError(
-            "--wire flies what an experiment's file says, on the estimator: without --random and --state"
+            "--wire always flies the runs of the file, with the estimator; leave out --random and --state"
         )
     if arguments.video and not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")
@@ -102,12 +107,12 @@ def run(arguments: argparse.Namespace) -> None:
         pages.append((experiment.title, page))
     if len(names) > 1:
         links = [f'<a href="{page.name}">{title}</a>' for title, page in pages]
-        about = "Every experiment, one after the other."
+        about = "All experiments."
         report.write(arguments.out, "index", "The experiments", about, everything, {}, "", _command(), links)
 
 
 def changes(arguments: argparse.Namespace) -> dict[str, Any]:
-    """What the command line changes of the file: `--set`, `--vehicle`, `--truth` and others."""
+    """The changes of the file by the command line: `--set`, `--vehicle`, `--truth` and others."""
     from tilthex.experiments.spec import merge, read_toml
 
     result: dict[str, Any] = {}
@@ -128,7 +133,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         runs = (_draw_of(experiment)(runs[0], runs[0].seed, arguments.case),)
     flights, checks, notes = [], [], []
     arguments.out.mkdir(parents=True, exist_ok=True)
-    # Two files of one kind of experiment leave files of their own.
+    # Two files with the same kind of experiment must not write the same files.
     page_name = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
     page_name += "-wire" if arguments.wire else ""
     for one in runs:
@@ -195,7 +200,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
     base = experiment.runs[0]
     found: list[campaign.Attempt] = []
     arguments.out.mkdir(parents=True, exist_ok=True)
-    # Written after every case, so that a campaign that is interrupted leaves what it has.
+    # Written after every case, so that the results of an interrupted campaign are kept.
     table = arguments.out / f"{experiment.kind}-random.csv"
     with tqdm(total=arguments.random, unit="case", **_BAR) as bar:
         exact = arguments.state == "exact"
@@ -224,17 +229,17 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
 
 
 def _level(run: Run) -> str:
-    return f", each with a vehicle of its own ({run.truth_name().split(',')[0]})" if run.truth_name() else ""
+    return f", each with its own vehicle ({run.truth_name().split(',')[0]})" if run.truth_name() else ""
 
 
 def _truths(runs: Sequence[Run]) -> list[str]:
-    """What was drawn for the runs whose vehicle is not its model, each once."""
+    """What was drawn for the runs whose vehicle differs from its model, each once."""
     drawn = {run.truth_name(): run for run in runs if run.truth_name()}
     return [f"# {name}\n{run.drawn().to_toml()}" for name, run in drawn.items()]
 
 
 def _names() -> list[str]:
-    """The built-in experiments, without what their modules need."""
+    """The built-in experiments; does not import their modules."""
     return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
 

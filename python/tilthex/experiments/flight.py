@@ -1,4 +1,4 @@
-"""Flies one run: the chain of tilthex in the loop with the world in MuJoCo."""
+"""Flies one run: the controller of tilthex in closed loop with the world in MuJoCo."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from tilthex.experiments.world import PERIOD, World
 
 Progress = Callable[[int], object]
 FAR = 2.0
-"""A tool this far from where it started, m, has been thrown out: the run ends there."""
+"""If the tool is farther than this from its start, m, it was thrown out, and the run ends."""
 
 
 LIFT = 0.4
-"""The calibration is flown so far above the start, m: its tilts swing the tool by 0.1 m."""
+"""The calibration is flown this far above the start, m, because its tilts move the tool by 0.1 m."""
 
 
 def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> Record:
     """Flies a run and returns its record, which begins after the calibration.
 
     Args:
-        run: What to fly.
-        exact: Whether the controller is given the true state in place of the estimator's.
-        progress: Called with the number of periods flown since its last call.
+        run: The run.
+        exact: Whether the controller gets the true state instead of the estimator's.
+        progress: Called with the number of periods since its last call.
     """
     chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
     drawn = run.drawn()
@@ -94,7 +94,10 @@ def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> R
 
 
 def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoint], list[tilthex.Setpoint]]:
-    """Set-points of the calibration above a run's start, and of the way down; none without calibration."""
+    """Set-points of the calibration above a run's start, and of the way down.
+
+    Both are empty without a calibration.
+    """
     if run.calibration == "none":
         return [], []
     model = run.model()
@@ -126,7 +129,7 @@ def _step(
     learn_bias: bool = False,
     learn_model: bool = False,
 ) -> Vector:
-    """One control period of the chain on what the world shows: commanded rotor speeds, Hz, (n,)."""
+    """One control period of the controller in this world: commanded rotor speeds, Hz, (n,)."""
     if exact:
         return chain.step_from(
             world.time,

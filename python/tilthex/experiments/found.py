@@ -1,4 +1,4 @@
-"""Finds how an experiment is judged: by a module of its name, beside its file or in this package."""
+"""Finds the module that judges an experiment: beside its file, or in this package."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ HERE = Path(__file__).parent
 
 
 def judge_of(experiment: Experiment) -> Judge:
-    """How an experiment is judged.
+    """Finds how an experiment is judged.
 
-    A module that is called like the experiment (`-` as `_`) and stands beside its file judges it,
-    with a `Judge` called `JUDGE`; a built-in experiment has its module in this package. Without a
-    module nothing is judged, and the report shows every flight.
+    A module beside the file, with the name of the experiment (`_` for `-`), judges it with a `Judge` in
+    the variable `JUDGE`. The module of a built-in experiment is in this package. Without a module nothing
+    is judged, and the report shows every flight.
 
     Raises:
-        ValueError: The file names an experiment that has no module, or the module has no `JUDGE`.
+        ValueError: The file names an experiment without a module, or the module has no `JUDGE`.
     """
     name = experiment.kind.replace("-", "_")
     beside = experiment.folder / f"{name}.py"

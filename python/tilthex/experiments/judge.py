@@ -1,4 +1,4 @@
-"""What every experiment's module offers: its checks against the requirements, and its figures."""
+"""The interface of an experiment's module: its checks against the requirements, and its figures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Judge:
     checks: Callable[[Run, Record], list[Check]]
     figures: Callable[[Flights], Figures]
     draw: Callable[[Run, int, int], Run] | None = None
-    """Random case of a seed, by its number, of the experiments that have them."""
+    """Makes a random case from a seed and its number, for the experiments that have random cases."""
 
 
 def admittance(run: Run, key: str) -> Vector:

@@ -20,7 +20,7 @@ CONTACT_PHASES = (
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Force and torque against truth in every phase, and that contact is kept."""
+    """Force and torque against the true values in every phase, and the time without contact."""
     table = []
     for phase in CONTACT_PHASES:
         rows = record.during(phase)
@@ -29,7 +29,7 @@ def checks(run: Run, record: Record) -> list[Check]:
         table.append(below(f"{phase}: force against truth, rms", force, 0.2, "N", paper="follows"))
         table.append(below(f"{phase}: torque against truth, rms", torque, 0.05, "N m", paper="follows"))
     for axis, since in enumerate(("three contacts", "two contacts", "one contact")):
-        # From the phase on that begins in contact with the surface across this axis.
+        # From the phase on that begins in contact with the surface normal to this axis.
         rows = record.during(*CONTACT_PHASES[CONTACT_PHASES.index(since) :])
         lost = float(np.mean(record.pressure[rows, axis] == 0.0))
         what = f"time without contact while a force along {'xyz'[axis]} is commanded"

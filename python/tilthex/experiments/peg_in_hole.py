@@ -1,4 +1,4 @@
-"""Peg in hole: judging attempts, and random cases."""
+"""Peg in hole: judges attempts, and makes random cases."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from tilthex.experiments.world import PERIOD
 
 @dataclass(frozen=True)
 class Insertion:
-    """How an attempt at the hole went."""
+    """The result of one attempt."""
 
     depth: float
-    """Deepest the tip was in the tube, m."""
+    """Largest depth of the tip in the tube, m."""
     inserted_at: float | None
-    """When it first was at the bottom, s."""
+    """Time at which it first was at the bottom, s."""
     withdrawn: bool
     largest_force: float
     """Largest norm of the sum of the contact forces in any step of 1 ms, N."""
@@ -37,7 +37,7 @@ class Insertion:
 
     @property
     def succeeded(self) -> bool:
-        """Inserted to the bottom, withdrawn, gently, and without shaking."""
+        """Whether it was inserted to the bottom and withdrawn, gently and without shaking."""
         return (
             self.inserted_at is not None
             and self.withdrawn
@@ -50,15 +50,16 @@ FORCE = 40.0
 """Largest allowed contact force, N."""
 
 SHAKING = 0.25
-"""rad/s: a tip on a 0.4 m lever moves at 0.1 m/s, which no insertion needs for two seconds."""
+"""Largest rms angular rate, rad/s: a tip on a lever of 0.4 m then moves at 0.1 m/s, which no insertion
+needs for two seconds."""
 
 
 def insertion(run: Run, record: Record) -> Insertion:
-    """Judges an attempt by the truth alone."""
+    """Judges an attempt by the true values only."""
     scene = run.scene()
     tip = scene.along(record.tool_position)
     depth = run.judge["tip_radius"] - tip[:, 2]
-    # Deep but beside the axis is outside of the funnel.
+    # A tip that is deep but beside the axis is outside of the funnel.
     inside = (np.hypot(tip[:, 0], tip[:, 1]) < 0.006) & (depth > 0.0)
     deep = np.where(inside, depth, 0.0)
     at_bottom = np.flatnonzero(deep > run.judge["depth"] - 2e-4)
@@ -79,9 +80,9 @@ def insertion(run: Run, record: Record) -> Insertion:
 
 
 def draw(run: Run, seed: int, index: int) -> Run:
-    """Random case `index` of a campaign: tilt, direction, start, friction and noise.
+    """Makes the random case `index` of a campaign: tilt, direction, start, friction and noise.
 
-    The same seed and index give the same case, whichever others are flown.
+    The same seed and index give the same case, whichever other cases are flown.
     """
     draws = np.random.default_rng([seed, index])
     ranges = run.random
@@ -89,7 +90,7 @@ def draw(run: Run, seed: int, index: int) -> Run:
     direction = float(draws.uniform(-180.0, 180.0))
     friction = float(draws.uniform(*ranges["friction"]))
     distance, bearing = ranges["offset"] * math.sqrt(draws.uniform()), draws.uniform(-math.pi, math.pi)
-    # The funnel is moved and not the tool: its mouth's middle is off the tool's vertical path.
+    # The funnel is moved, not the tool: the middle of its mouth is beside the tool's vertical path.
     across = math.sin(math.radians(tilt)) * Funnel().cone
     turn = math.radians(direction)
     entrance = [
@@ -108,13 +109,13 @@ def draw(run: Run, seed: int, index: int) -> Run:
 
 
 def axis_angle(run: Run, record: Record) -> Vector:
-    """Angle between the tool and the hole, deg."""
+    """Angle between the axes of tool and hole, deg."""
     cosine = record.tool_rotation[:, :, 2] @ run.scene().rotation[:, 2]
     return np.asarray(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Depth, withdrawal, forces; the runs of Table 2 are reported without a requirement."""
+    """Depth, withdrawal, forces. The runs of Table 2 have no requirement."""
     found = insertion(run, record)
     required = run.judge["required"]
     tilt = run.world["tilt_deg"]

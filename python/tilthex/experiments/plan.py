@@ -1,4 +1,4 @@
-"""Set-points of a whole run, computed before it flies."""
+"""The set-points of a whole run, computed before it flies."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ Vector = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Plan:
-    """One set-point of the tool a control period, and the phase it belongs to."""
+    """One set-point of the tool per control period, and its phase."""
 
     setpoints: list[tilthex.Setpoint]
     phase: NDArray[np.int64]
@@ -28,12 +28,12 @@ class Plan:
 
 
 def periods(run: Run) -> int:
-    """How many control periods a run lasts."""
+    """The number of control periods of a run."""
     return _length(trajectory_of(run.waypoints, run.limits))
 
 
 def make(run: Run) -> Plan:
-    """Samples the trajectory of a run, or swings about it if the run has a swing."""
+    """Samples the trajectory of a run; if the run has a swing, adds it."""
     trajectory = trajectory_of(run.waypoints, run.limits)
     times = np.arange(_length(trajectory), dtype=np.float64) * PERIOD
     setpoints = [trajectory.sample(time) for time in times.tolist()]
@@ -67,10 +67,10 @@ def _length(trajectory: tilthex.Trajectory) -> int:
 def _swing(
     swing: Mapping[str, Any], setpoints: list[tilthex.Setpoint], times: Vector
 ) -> list[tilthex.Setpoint]:
-    """A swing of the tool whose frequency rises evenly (figure 4).
+    """A swing of the tool whose frequency rises linearly with time (figure 4).
 
-    Only the pose swings: the pose controller's answer to it alone is a force of the same
-    size at every frequency, while velocity and acceleration would make it grow.
+    Only the pose swings. The pose controller answers a pose with a force of the same amplitude at every
+    frequency; with a velocity and an acceleration the force would grow with the frequency.
     """
     length = swing["end"] - swing["start"]
     t = np.clip(times - swing["start"], 0.0, length)

@@ -1,4 +1,4 @@
-"""What the numbers of an experiment's file may be."""
+"""The ranges of the numbers in an experiment's file."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ RANGES = {
     "trajectory.waypoint.hold": (0.0, 1e5, "s"),
     "trajectory.waypoint.duration": (0.0, 1e5, "s"),
 }
-"""By the path of the key or of its table: from, to, and what it is."""
+"""For the path of a key or of its table: smallest value, largest value, and meaning."""
 
 
 def check(table: Mapping[str, Any], path: str = "") -> None:
-    """Refuses a number that is not finite, or outside the range of its key, table by table."""
+    """Refuses a number that is not finite, or outside of the range of its key, in all tables."""
     for key, value in table.items():
         _check(f"{path}{key}", value)
 

@@ -1,4 +1,4 @@
-"""What one flight leaves behind: arrays, one row a control period."""
+"""The record of one flight: arrays with one row per control period."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ COLUMNS: dict[str, tuple[int, ...]] = {
     "pressure": (3,),
     "rotor_speeds": (),
 }
-"""The truth, column by column: name and shape. Added to it are the columns of `tilthex.Loop.record`,
-`tool_rotation` and `phase`. The wrench is that on the tool, about its origin, W."""
+"""The columns of the true values: name and shape. The columns of `tilthex.Loop.record`, `tool_rotation`
+and `phase` are added. The wrench is that on the tool, about its origin, W."""
 
 
 @dataclass
@@ -39,13 +39,13 @@ class Record:
     phase: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """The phase of every row, as an index into `phases`."""
     ended: str = ""
-    """Why it ended early; empty when it did not."""
+    """Why the flight ended early; empty if it did not."""
     seconds: float = 0.0
-    """Time it took to fly, s."""
+    """Time that the computation took, s."""
 
     @classmethod
     def blank(cls, length: int, rotors: int, phases: Sequence[str], run: str) -> Record:
-        """A record to be filled."""
+        """A record without values."""
         shapes = COLUMNS | {"rotor_speeds": (rotors,)}
         return cls({name: np.zeros((length, *shape)) for name, shape in shapes.items()}, phases, run)
 
@@ -58,7 +58,7 @@ class Record:
             raise AttributeError(name) from None
 
     def take(self, chain: dict[str, Vector], tool_rotation_r: Vector) -> None:
-        """Adds what the chain itself recorded, and the tool's orientation."""
+        """Adds the record of the controller, and the tool's orientation."""
         for name, values in chain.items():
             shape = (len(values), 3, 3) if name.endswith("rotation") else values.shape
             self.columns[name] = values.reshape(shape) if name != "saturated" else values[:, 0]
@@ -66,7 +66,7 @@ class Record:
 
     @property
     def attitude_error(self) -> Vector:
-        """Angle of the estimated against the true orientation, rad."""
+        """Angle between the estimated and the true orientation, rad."""
         trace = np.einsum("nij,nij->n", self.robot_rotation, self.estimated_rotation)
         return np.asarray(np.arccos(np.clip(0.5 * (trace - 1.0), -1.0, 1.0)))
 
@@ -105,24 +105,24 @@ class Record:
 
 @dataclass(frozen=True)
 class Check:
-    """One line of the table: what is required, what the paper had, what was measured."""
+    """One line of the table: the requirement, the paper's value, the measured value."""
 
     what: str
     required: str
     paper: str
     measured: str
     passed: bool | None
-    """None for a value that is reported but has no requirement."""
+    """None for a value without a requirement."""
 
 
 def rms(values: Vector) -> float:
-    """Root of the mean square of the rows' norms."""
+    """Root mean square of the norms of the rows."""
     rows = values.reshape(len(values), -1)
     return float(np.sqrt(np.mean(np.sum(rows**2, axis=1)))) if len(rows) else float("nan")
 
 
 def below(what: str, value: float, limit: float, unit: str, *, paper: str = "", scale: float = 1.0) -> Check:
-    """A measured number that must not exceed a limit."""
+    """A check that a measured number does not exceed a limit."""
     return Check(
         what, f"at most {limit * scale:g} {unit}", paper, f"{value * scale:.3g} {unit}", value <= limit
     )

@@ -114,7 +114,7 @@ def text_table(checks: Sequence[Check]) -> str:
 
 
 def commit() -> str:
-    """The version, and the commit of the sources where this runs from them."""
+    """The version, and the commit of the sources if this runs from a checkout."""
     call = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty", "--abbrev=12"]
     try:
         found = subprocess.run(call, capture_output=True, text=True, check=False).stdout.strip()
@@ -124,7 +124,7 @@ def commit() -> str:
 
 
 def slug(name: str) -> str:
-    """A name for files, without blanks and signs that a shell reads."""
+    """A name for files, without blanks and without characters that a shell interprets."""
     return re.sub(r"[^A-Za-z0-9.]+", "-", name).strip("-")
 
 
@@ -139,7 +139,7 @@ def write(
     command: str,
     notes: Sequence[str] = (),
 ) -> Path:
-    """Writes `name.html` and one PNG a figure into `out`; returns the path of the former."""
+    """Writes `name.html` and one PNG per figure into `out`; returns the path of the HTML file."""
     out.mkdir(parents=True, exist_ok=True)
     parts = [f"<h1>{html.escape(title)}</h1>"]
     parts += [f"<p>{html.escape(p.strip())}</p>" for p in about.split("\n\n") if p.strip()]

@@ -1,9 +1,8 @@
 """The worlds of the experiments: each scene builds the elements of a MuJoCo world body.
 
-Where a scene is placed and how rough it is are keyword arguments, which an
-experiment's file gives in its `[world]` section under `scene = NAME`. The tool
-origin is the centre of the tip's half-sphere, so a tip that touches a plane has its
-origin one tip radius off it.
+The place and the friction of a scene are keyword arguments, which an experiment's file gives in its
+`[world]` section under `scene = NAME`. The tool's origin is the centre of the half-sphere of its tip: if
+the tip touches a plane, the origin is one tip radius away from it.
 """
 
 from __future__ import annotations
@@ -26,29 +25,29 @@ METAL = "0.55 0.6 0.65 0.45"
 
 @dataclass(frozen=True)
 class Scene:
-    """A world, and what of its geometry the judging of an experiment needs."""
+    """A world, and the parts of its geometry that the checks of an experiment need."""
 
     elements: tuple[ET.Element, ...]
     extra: tuple[ET.Element, ...] = ()
     rotation: Vector = field(default_factory=lambda: np.eye(3))
     """Orientation of the scene: maps its coordinates (z along plane normal or hole axis) to W."""
     origin: Vector = field(default_factory=lambda: np.zeros(3))
-    """A point of the plane, or the middle of the tube's entrance, m, W."""
+    """A point of the plane, or the middle of the entrance of the tube, m, W."""
     look_at: tuple[float, float, float] = (0.0, 0.0, 0.5)
-    """What a camera should see, m, W."""
+    """The point at which a camera looks, m, W."""
 
     def along(self, points: Vector) -> Vector:
-        """Points of W in the scene's coordinates; one a row."""
+        """Points of W in the scene's coordinates, one per row."""
         return (points - self.origin) @ self.rotation
 
 
 def free_air() -> Scene:
-    """Nothing but a floor to see."""
+    """A floor that is only visible."""
     return Scene((_floor(),))
 
 
 def plane(*, point: list[float], tilt_deg: list[float], friction: float = 0.2, size: float = 0.6) -> Scene:
-    """A board through `point` (m), turned about x, then about y of the world (deg)."""
+    """A board through `point` (m), rotated about x, then about y of the world (deg)."""
     rotation = Rotation.from_euler("xy", tilt_deg, degrees=True).as_matrix()
     board = ET.Element("body", name="board", pos=numbers(point), quat=quaternion(rotation))
     contact_geom(board, friction, type="box", size=f"{size} {size} 0.02", pos="0 0 -0.02", rgba=WOOD)
@@ -74,12 +73,12 @@ def funnel(
     friction: float = 0.2,
     sides: int = 16,
 ) -> Scene:
-    """A cone that narrows to a blind tube, of convex boxes; its axis is tilted.
+    """A cone that narrows to a tube with a closed end, made of convex boxes; its axis is tilted.
 
-    `entrance` is the middle of the tube's entrance, m. The axis is vertical, turned by
-    `tilt_deg` about the horizontal direction at `direction_deg` from x. A cone face
-    ends at the entrance, and the inside is the intersection of the faces' half-spaces,
-    so wide boxes do not reach into it.
+    `entrance` is the middle of the entrance of the tube, m. The axis is the vertical rotated by
+    `tilt_deg` about the horizontal direction at `direction_deg` from x. Each face of the cone ends at the
+    entrance. The inside is the intersection of the faces' half-spaces, so that wide boxes do not reach
+    into it.
     """
     size = Funnel()
     turn = math.radians(direction_deg)
@@ -125,7 +124,7 @@ def plate_with_ledges(
 ) -> Scene:
     """A level plate through `point` (m) with two upright ledges.
 
-    The tool's origin meets them at x = `ledge_x` and y = `ledge_y`, m.
+    The tool's origin touches them at x = `ledge_x` and y = `ledge_y`, m.
     """
     plate = ET.Element("body", name="plate", pos=numbers(point))
     at = np.array(point)
@@ -147,7 +146,7 @@ def plate_with_ledges(
 
 
 def clamp(*, stiffness_time: float = 0.004) -> Scene:
-    """The tool held to the world, as by a six-axis sensor: a weld at its origin."""
+    """The tool fixed to the world, as by a six-axis sensor: a weld at its origin."""
     equality = ET.Element("equality")
     ET.SubElement(
         equality,
@@ -170,6 +169,6 @@ SCENES: dict[str, Callable[..., Scene]] = {
 
 
 def _floor() -> ET.Element:
-    """A floor to see, below everything, that nothing touches."""
+    """A visible floor below everything, without contact."""
     look = {"contype": "0", "conaffinity": "0", "rgba": "0.9 0.9 0.88 1"}
     return ET.Element("geom", look, name="floor", type="plane", size="2 2 0.1")

@@ -1,4 +1,4 @@
-"""Property shaping: the response to a pull against the ideal one."""
+"""Property shaping: the response to a pull, compared with the ideal response."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tilthex.experiments.spec import Run
 
 
 def ideal_response(run: Run, time: Vector) -> tuple[Vector, Vector]:
-    """Deviation and velocity along x of a mass-spring-damper under the pull less the dead zone."""
+    """Deviation and velocity along x of a mass-spring-damper under the pull minus the dead zone."""
     mass, damping, stiffness = (admittance(run, key)[0] for key in ("mass", "damping", "stiffness"))
     push = run.push["force"][0] - run.judge["dead_zone"]
     begin, end = run.push["start"], run.push["end"]
@@ -36,7 +36,7 @@ PAPER_DEVIATION = {4.0: "0.29 m", 6.0: "0.19 m", 8.0: "0.14 m"}
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Steady state and the distance from the ideal response."""
+    """The steady state, and the distance from the ideal response."""
     stiffness = float(admittance(run, "stiffness")[0])
     panels = run.judge["panels"]
     expected = (run.push["force"][0] - run.judge["dead_zone"]) / stiffness
@@ -64,7 +64,7 @@ def checks(run: Run, record: Record) -> list[Check]:
 
 
 def _settles(run: Run) -> bool:
-    """Whether the ideal response has a thousandth left to go when the steady state is taken."""
+    """Whether the ideal response is within a thousandth of its end when the steady state is measured."""
     mass, damping, stiffness = (admittance(run, key)[0] for key in ("mass", "damping", "stiffness"))
     slowest = float(np.max(np.roots([mass, damping, stiffness]).real))
     return bool(slowest * (run.push["end"] - run.judge["steady"] - run.push["start"]) < math.log(1e-3))

@@ -1,4 +1,4 @@
-"""Sliding: the closed form of the deviation, and what is judged."""
+"""Sliding: the deviation in closed form, and the checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tilthex.experiments.spec import Run
 
 
 def closed_form(run: Run, position: Vector) -> tuple[Vector, float]:
-    """Deviation of the reference at rest (m) and normal force (N) without friction."""
+    """Deviation (m) of the reference at rest, and normal force (N), without friction."""
     scene = run.scene()
     normal = scene.rotation[:, 2]
     depth = float(normal @ (scene.origin - position)) + run.judge["tip_radius"]
@@ -22,7 +22,7 @@ def closed_form(run: Run, position: Vector) -> tuple[Vector, float]:
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Position error, force against truth, and the deviation against the closed form."""
+    """Position error, force against the true force, and the deviation against the closed form."""
     error = float(np.max(np.linalg.norm(record.position_error, axis=1)))
     slide = record.during("slide", "rest")
     difference = record.wrench_tool[slide, :3] - record.true_wrench[slide, :3]

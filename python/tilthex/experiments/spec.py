@@ -1,8 +1,8 @@
-"""What an experiment's TOML file says.
+"""The TOML file of an experiment.
 
-A file describes one configuration and, in its `[[run]]` tables, the runs that differ from
-it in a few keys; `[short]` says what a short version changes. To make an experiment
-of one's own: copy a file, change it, and name it to `tilthex experiment`.
+A file describes one configuration, and, in its `[[run]]` tables, runs that differ from it in a few keys.
+`[short]` holds the changes of a short version. To make your own experiment, copy a file, change it, and
+give it to `tilthex experiment`.
 """
 
 from __future__ import annotations
@@ -64,7 +64,10 @@ LIMITS = {"velocity": 0.3, "acceleration": 0.5, "angular_velocity": 0.5, "angula
 
 @dataclass(frozen=True)
 class Waypoint:
-    """A tool pose reached and left at rest; how long the way there lasts and the stay."""
+    """A tool pose that is reached and left at rest.
+
+    Also the duration of the motion to it, and the time of the stay.
+    """
 
     phase: str
     position: tuple[float, ...]
@@ -81,16 +84,16 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class Run:
-    """One flight: everything that decides what happens in it."""
+    """One flight, with everything that determines it."""
 
     experiment: str
     name: str
     vehicle: Table
-    """The keys of a `[vehicle]` section: the model that the controller has."""
+    """The keys of a `[vehicle]` section: the model of the controller."""
     truth: str | Table
-    """In what the simulated vehicle differs: a level, a TOML file, or the keys of a `[truth]` table."""
+    """How the simulated vehicle differs: a level, a TOML file, or the keys of a `[truth]` table."""
     calibration: str
-    """What is flown first to learn the model: "none" or "tilts" (`tilthex.calibration_flight`)."""
+    """The flight that first corrects the model: "none" or "tilts" (`tilthex.calibration_flight`)."""
     seed: int
     config: Table
     world: Table
@@ -98,26 +101,26 @@ class Run:
     waypoints: tuple[Waypoint, ...]
     limits: Table
     swing: Table
-    """A swing of the pose about the trajectory, whose frequency rises evenly; empty for none."""
+    """A swing of the pose about the trajectory, whose frequency rises linearly; empty for none."""
     push: Table
     """`force` (N, W) at the tool from `start` to `end` (s)."""
     learn_bias: tuple[float, float]
-    """From when to when the bias of the wrench is learned, s; equal for never."""
+    """Begin and end of the time in which the bias of the wrench is learnt, s; equal for never."""
     judge: Table
-    """Numbers that the judging of this experiment reads."""
+    """Numbers for the checks of this experiment."""
     random: Table
     """Ranges of the random cases of a campaign."""
 
     def model(self) -> tilthex.Vehicle:
-        """The vehicle that the controller believes in."""
+        """The vehicle model of the controller."""
         return tilthex.Vehicle.from_dict(self.vehicle)
 
     def drawn(self) -> tilthex.Drawn:
-        """What is true, drawn with the run's seed."""
+        """The true vehicle, drawn with the run's seed."""
         return tilthex.Truth(self.model(), self.truth).draw(self.seed)
 
     def truth_name(self) -> str:
-        """What the truth is called, with the seed of its draw; empty where the model is exact."""
+        """The name of the truth, with the seed of its draw; empty if the model is exact."""
         name = tilthex.Truth(self.model(), self.truth).name
         return "" if name == "exact" else f"truth {name}, drawn with seed {self.seed}"
 
@@ -135,10 +138,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A file: its runs, and where it came from."""
+    """A file: its runs, and its path."""
 
     kind: str
-    """Which experiment judges it: the file's key `experiment`, or the file's own name."""
+    """The experiment whose module judges it: the file's key `experiment`, or the file's own name."""
     kind_is_named: bool
     title: str
     about: str
@@ -146,7 +149,7 @@ class Experiment:
     text: str
     folder: Path
     wire: bool
-    """Whether it can be flown through the wire: a free tool, without pulls and swings."""
+    """Whether `--wire` can fly it: it has a free tool, and no pulls and swings."""
 
 
 def built_in() -> list[str]:
@@ -160,7 +163,7 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
     Args:
         name: A built-in name, or the path of a TOML file.
         short: Whether to apply the file's `[short]` table.
-        changes: Keys that win over the file's, for every run.
+        changes: Keys that replace those of the file, for every run.
     """
     path = Path(name)
     if path.suffix != ".toml":
@@ -191,7 +194,7 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
 
 
 def read_toml(text: str, where: str) -> Table:
-    """TOML as a table; what cannot be read is said with where it stands."""
+    """Reads TOML as a table; an error names the place."""
     try:
         table: Table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -200,7 +203,7 @@ def read_toml(text: str, where: str) -> Table:
 
 
 def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Table:
-    """`base` with the keys of `over`, table by table; lists are replaced whole."""
+    """`base` with the keys of `over`, table by table; lists are replaced as a whole."""
     result = copy.deepcopy(dict(base))
     for key, value in over.items():
         if isinstance(value, Mapping) and isinstance(result.get(key), Mapping):
@@ -211,7 +214,7 @@ def merge(base: Mapping[str, Any], over: Mapping[str, Any]) -> Table:
 
 
 def _merge_layer(base: Table, layer: Mapping[str, Any], folder: Path) -> Table:
-    """`base` with a layer's keys; a vehicle or a truth that the layer names replaces the one below."""
+    """`base` with the keys of a layer. A vehicle or a truth of the layer replaces the one of `base`."""
     layer = dict(layer)
     if "vehicle" in layer:
         vehicle = _vehicle_keys(layer["vehicle"], folder)
@@ -228,7 +231,7 @@ def _merge_layer(base: Table, layer: Mapping[str, Any], folder: Path) -> Table:
 
 
 def _vehicle_keys(vehicle: Any, folder: Path) -> Table:
-    """The keys of a `[vehicle]` section: of a table as it is, of a preset's name, or of a TOML file."""
+    """The keys of a `[vehicle]` section, from a table, a preset's name or a TOML file."""
     if isinstance(vehicle, str):
         return {"file": _place(vehicle, folder)} if vehicle.endswith(".toml") else {"preset": vehicle}
     if not isinstance(vehicle, Mapping):
@@ -240,7 +243,7 @@ def _vehicle_keys(vehicle: Any, folder: Path) -> Table:
 
 
 def _place(name: str, folder: Path) -> str:
-    """The full path of a TOML file that a file in `folder` names; other names as they are."""
+    """The full path of a TOML file that a file in `folder` names; other names unchanged."""
     return str((folder / name).resolve()) if name.endswith(".toml") else name
 
 
@@ -258,7 +261,7 @@ def _run(kind: str, table: Table) -> Run:
     last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "duration": 0.0, "hold": 0.0, "wrench": (0.0,) * 6}
     for item in trajectory.get("waypoint", []):
         _check_keys("[[trajectory.waypoint]]", item, WAYPOINT_KEYS)
-        # Pose, wrench and phase carry over from the way-point before; times do not.
+        # Pose, wrench and phase are those of the way-point before unless given; times are not.
         last = last | {"duration": 0.0, "hold": 0.0} | item
         if "position" not in last or "phase" not in last:
             raise ValueError("the first [[trajectory.waypoint]] needs `position` (3 numbers, m) and `phase`")

@@ -1,8 +1,8 @@
-"""When contact with stiff walls is stable: the linear closed loop of the chain in one plane.
+"""The stiffnesses at which contact with walls is stable: the linear closed loop in one plane.
 
-The derivation is in docs/experiments.md. States: position and pitch of the robot and
-their rates, the rotors' lagged force and torque, the observer, the low-pass, and the
-admittance filter; the walls are stiff springs at points of the rod.
+docs/experiments.md has the derivation. States: position and pitch of the robot and their rates, the
+rotors' lagged force and torque, the observer, the low-pass, and the admittance filter. The walls are
+springs at points of the rod.
 """
 
 from __future__ import annotations
@@ -17,30 +17,30 @@ from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
 TIP_DAMPING = 200.0
-"""Damping of the contact that holds the tip, N s/m: near critical for a stiff one."""
+"""Damping of the contact that holds the tip, N s/m: almost critical for a stiff contact."""
 
 
 @dataclass(frozen=True)
 class Chain:
-    """The chain in the plane of a tilted hole; SI units."""
+    """The parameters of the loop in the plane of a tilted hole; SI units."""
 
     mass: float = 2.4
     inertia: float = 0.0115
     lever: float = 0.4
-    """From the centre of mass down to the tip, m."""
+    """Distance from the centre of mass down to the tip, m."""
     rotor_lag: float = 0.03
     position_gain: float = 16.0
     velocity_gain: float = 8.0
     rotation_gain: float = 100.0
     angular_velocity_gain: float = 20.0
     observer_gain: float = 30.0
-    """Of force and torque, 1/s."""
+    """Gains of the observer for force and torque, 1/s."""
     low_pass_hz: float = 0.0
-    """0 for none."""
+    """Cut-off frequency of the low-pass, Hz; 0 for none."""
     translation: tuple[float, float, float] = (1.5, 10.0, 6.0)
     """Mass, damping and stiffness of the admittance filter across the hole."""
     rotation: tuple[float, float, float] = (0.01, 1.5, 0.05)
-    """Likewise about the horizontal axis across the plane."""
+    """The same about the horizontal axis across the plane."""
 
 
 def closed_loop(chain: Chain, walls: Sequence[tuple[float, float, float]]) -> Vector:
@@ -93,15 +93,15 @@ def closed_loop(chain: Chain, walls: Sequence[tuple[float, float, float]]) -> Ve
 
 
 def growth(chain: Chain, walls: Sequence[tuple[float, float, float]]) -> float:
-    """The largest real part of the closed loop's poles, 1/s: positive is unstable."""
+    """The largest real part of the poles of the closed loop, 1/s: positive is unstable."""
     return float(np.linalg.eigvals(closed_loop(chain, walls)).real.max())
 
 
 def least_damping(chain: Chain, stiffness: float) -> float:
     """The bound D_R > kappa T / (1 + T L), N m s/rad, without low-pass.
 
-    `stiffness` is kappa, N m/rad: how stiffly the hole holds the rod against turning about
-    its tip, k h^2 for a wall of stiffness k at the height h.
+    `stiffness` is kappa, N m/rad: the stiffness of the hole against a rotation of the rod about its tip,
+    k h^2 for a wall of stiffness k at the height h.
     """
     return stiffness * chain.rotor_lag / (1.0 + chain.rotor_lag * chain.observer_gain)
 

@@ -1,7 +1,7 @@
-"""Where a vehicle that flies through the wire starts from: feet, and a stand beside the scene.
+"""The start of a vehicle with `--wire`: feet, and a stand beside the scene.
 
-The feet are short, so that they reach none of the scene while the tool touches it, and
-the stand is two beams, between which the tool hangs.
+The feet are so short that they do not reach the scene while the tool touches it. The stand is two beams,
+and the tool hangs between them.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from tilthex.mjcf import contact_geom, numbers
 Vector = NDArray[np.float64]
 
 PLACE = (-1.3, 0.0)
-"""Where the vehicle's centre of mass starts, m, W: beside every scene."""
+"""Position of the vehicle's centre of mass at the start, m, W: beside every scene."""
 STANCE = 0.3
 """Half the distance between neighbouring feet, m."""
 FOOT = 0.1
-"""Height of the centre of mass over the feet, m."""
+"""Height of the centre of mass above the feet, m."""
 RADIUS = 0.01
 """Radius of a foot, m."""
 GAP = 0.05
-"""From the floor to the tool's tip, m."""
+"""Height of the tool's tip above the floor, m."""
 FRICTION = 0.6
 
 
@@ -37,7 +37,7 @@ def start(vehicle: Vehicle) -> Vector:
 
 
 def feet() -> list[ET.Element]:
-    """Four of them, without mass, for the body of the robot."""
+    """Four feet without mass, for the body of the robot."""
     body = ET.Element("body")
     for x, y in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0), (-1.0, -1.0)):
         place = numbers((x * STANCE, y * STANCE, RADIUS - FOOT))
@@ -46,7 +46,7 @@ def feet() -> list[ET.Element]:
 
 
 def beside(scene: Scene, vehicle: Vehicle) -> Scene:
-    """The scene with the stand and a floor that carries."""
+    """The scene with the stand and a solid floor."""
     height = float(start(vehicle)[2]) - FOOT
     body = ET.Element("body", name="stand")
     for side in (-STANCE, STANCE):

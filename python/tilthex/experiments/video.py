@@ -19,7 +19,7 @@ def render(run: Run, record: Record, path: Path, *, size: tuple[int, int] = (480
     """Writes a flight as an animated GIF, in real time.
 
     Raises:
-        OSError: Where the machine cannot render off-screen, with what it lacks.
+        OSError: The machine cannot render off-screen; the message says what it lacks.
     """
     from PIL import Image
 

@@ -1,4 +1,4 @@
-"""Flies a run through the wire: `tilthex-rt` against `tilthex-sim --world`, in real time."""
+"""Flies a run with the real programs: `tilthex-rt` against `tilthex-sim --world`, in real time."""
 
 from __future__ import annotations
 
@@ -24,37 +24,37 @@ from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
 
 CLEARANCE = 0.25
-"""The ways from and to the stand pass this far above the trajectory's ends, m."""
+"""The motions from and to the stand pass this far above the ends of the trajectory, m."""
 TAKE_OFF = 0.6
-"""Height of the first hover over the stand, m."""
+"""Height of the first hover above the stand, m."""
 CALIBRATION = 30.0
-"""A calibration flight takes about so long, s."""
+"""Approximate duration of a calibration flight, s."""
 LANDING = 20.0
-"""A program that is interrupted in flight has so long to land, s."""
+"""Time in which a program that is interrupted in flight has to land, s."""
 PATIENCE = 40.0
-"""A flight that lasts so much longer than expected has lost its vehicle, s."""
+"""If a flight takes longer than expected by this much, its vehicle is lost, s."""
 AROUND = 20.0
-"""Start, take-off, learning of the bias and landing take about so long, s."""
+"""Approximate time of start, take-off, learning of the bias and landing, s."""
 
 
 @dataclass(frozen=True)
 class Route:
-    """The way-points of a flight: from over the stand, through the run's, and back."""
+    """The way-points of a flight: from above the stand, through those of the run, and back."""
 
     waypoints: tuple[Waypoint, ...]
     first: int
-    """Index of the run's first."""
+    """Index of the run's first way-point."""
     limits: Mapping[str, float]
 
     @property
     def trajectory(self) -> tilthex.Trajectory:
-        """From the first hover on, as the controller plays it."""
+        """The trajectory from the first hover on, as the controller plays it."""
         return trajectory_of(self.waypoints, self.limits)
 
 
 @dataclass(frozen=True)
 class Files:
-    """What a flight reads and leaves behind."""
+    """The files that a flight reads and writes."""
 
     config: Path
     trajectory: Path
@@ -65,23 +65,25 @@ class Files:
 
     @classmethod
     def beside(cls, stem: Path) -> Files:
-        """Names that begin with a stem."""
+        """Files whose names begin with a stem."""
         ends = ("-config.toml", "-trajectory.toml", "-world.toml", "-truth.npz", ".mcap", "-summary.txt")
         return cls(*(stem.with_name(stem.name + end) for end in ends))
 
 
 def check(experiment: Experiment) -> None:
-    """Refuses an experiment that cannot be flown so.
+    """Refuses an experiment that `--wire` cannot fly.
 
     Raises:
-        ValueError: With those that can.
+        ValueError: The message names the experiments that it can fly.
     """
     if not experiment.wire:
-        raise ValueError(f"--wire flies experiments whose file says `wire = true`, not {experiment.kind}")
+        raise ValueError(
+            f"--wire cannot fly {experiment.kind}; expected an experiment whose file has `wire = true`"
+        )
 
 
 def route(run: Run) -> Route:
-    """The way-points of a flight of a run. The run's ways last as long as without the wire."""
+    """The way-points of the flight of a run. The motions of the run last as long as without `--wire`."""
     flown = trajectory_of(run.waypoints, run.limits)
     begins = [*flown.begins, flown.duration]
     ways = [
@@ -107,25 +109,25 @@ def _over(point: Waypoint) -> Waypoint:
 
 
 def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = None) -> list[str]:
-    """Flies a run and leaves its log, its truth and the summary of `tilthex-rt`.
+    """Flies a run, and writes its log, its true values and the summary of `tilthex-rt`.
 
     Args:
-        run: What to fly.
-        files: What is written, and what is read for it.
+        run: The run.
+        files: The files that are written, and those that are read.
         progress: Called with the seconds since its last call.
 
     Returns:
-        How far the world was behind the clock, and what `tilthex-rt` warned of.
+        How far the world was behind the clock, and the warnings of `tilthex-rt`.
 
     Raises:
-        OSError: A program is missing, or ended otherwise than it should; with its own sentence.
+        OSError: A program is missing, or did not end as it should; with the program's own sentence.
     """
     flown = route(run)
     config = {"vehicle": run.vehicle} | dict(run.config)
     mission = {"take_off_height": TAKE_OFF, "calibration": run.calibration}
     config["mission"] = mission | config.get("mission", {})
     files.config.write_text(toml_text(config), encoding="utf-8")
-    # The first is where take-off ends.
+    # At the first way-point, take-off ends.
     points = [
         {
             "position": point.position,
@@ -146,13 +148,14 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     common = ["--config", str(files.config), "--mocap", mocap]
     world = ["--world", str(files.world), "--world-truth", str(files.truth), "--seed", str(run.seed)]
     with ExitStack() as stack:
-        # A socket, not the pseudo-terminal, whose bytes wait for a work queue of the kernel; a short path.
+        # A socket with a short path. The bytes of a pseudo-terminal would wait for a work queue of
+        # the kernel.
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="tilthex-"))
         line = Path(folder) / "vehicle"
         world += ["--socket", str(line)]
         simulated = Program(stack, "tilthex-sim", [*common, *world], subprocess.PIPE)
         assert simulated.process.stdout is not None
-        # It names its pseudo-terminal once it is ready.
+        # The simulation prints the name of its pseudo-terminal when it is ready.
         if not simulated.process.stdout.readline().strip():
             simulated.process.wait()
             raise OSError(simulated.sentence())
@@ -173,13 +176,14 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
 
 
 class Program:
-    """One of the Rust programs; it lands and ends with the stack that it is entered into."""
+    """One of the Rust programs. When the stack that it was entered into ends, it lands and ends."""
 
     def __init__(self, stack: ExitStack, name: str, arguments: Sequence[str], output: int | IO[str]) -> None:
         self._name = name
         errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - the stack closes it
         self._errors = stack.enter_context(errors)
-        # In a session of its own: an interrupt is for this program, which ends the two in their order.
+        # In its own session: an interrupt reaches only this program, which ends the other two in
+        # order.
         self.process = subprocess.Popen(
             [program(name), *arguments],
             stdout=output,
@@ -190,12 +194,12 @@ class Program:
         stack.callback(self._end)
 
     def sentence(self) -> str:
-        """What it said of a bad end."""
+        """The sentence with which the program failed."""
         lines = [line for line in self._lines() if "warning:" not in line]
-        return lines[-1] if lines else f"{self._name} ended without a word ({self.process.returncode})"
+        return lines[-1] if lines else f"{self._name} ended without a message ({self.process.returncode})"
 
     def warnings(self) -> list[str]:
-        """What it warned of."""
+        """The warnings of the program."""
         return [line for line in self._lines() if "warning:" in line]
 
     def _lines(self) -> list[str]:
@@ -215,7 +219,7 @@ class Program:
 
 
 def program(name: str) -> str:
-    """The path of one of the Rust programs: beside this Python, or on the path.
+    """The path of one of the Rust programs: beside this Python, or on the PATH.
 
     Raises:
         OSError: It is in neither place.
@@ -230,7 +234,7 @@ def program(name: str) -> str:
 
 
 def expected(run: Run) -> float:
-    """About how long a flight takes, s."""
+    """The approximate duration of a flight, s."""
     calibration = CALIBRATION if run.calibration != "none" else 0.0
     return AROUND + calibration + route(run).trajectory.duration
 
@@ -245,13 +249,13 @@ def toml_text(table: Mapping[str, Any], path: str = "") -> str:
         elif isinstance(value, (list, tuple)) and value and isinstance(value[0], Mapping):
             below += [f"\n[[{name}]]\n{toml_text(item, name + '.')}" for item in value]
         else:
-            # Numbers, strings and lists of them are written as JSON writes them.
+            # JSON and TOML write numbers, strings and lists of them in the same way.
             lines.append(f"{key} = {json.dumps(value)}\n")
     return "".join(lines + below)
 
 
 def world_table(run: Run) -> dict[str, Any]:
-    """An experiment's file with this run alone."""
+    """An experiment's file with only this run."""
     points = [asdict(point) for point in run.waypoints]
     return {
         "experiment": run.experiment,
@@ -279,7 +283,7 @@ def _watch(
     files: Files,
     progress: Callable[[float], object] | None,
 ) -> None:
-    """Waits for the end of the flight; where the vehicle ends first, the controller follows by itself."""
+    """Waits for the end of the flight. If the vehicle ends first, the controller ends by itself."""
     begun = last = time.monotonic()
     while process.poll() is None:
         time.sleep(0.1)

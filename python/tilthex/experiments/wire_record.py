@@ -1,7 +1,7 @@
-"""A flight through the wire as a record: the log of `tilthex-rt` beside the truth of the world.
+"""A flight with the real programs as a record: the log of `tilthex-rt` and the true values of the world.
 
-Both count the monotonic clock of the same machine; a tick is given the truth of the
-nearest cycle, at most half a millisecond off.
+Both have times of the monotonic clock of the same machine. Each tick gets the true values of the nearest
+cycle, which is at most half a millisecond away.
 """
 
 from __future__ import annotations
@@ -21,16 +21,17 @@ Vector = NDArray[np.float64]
 
 TOPICS = ("/flight", "/state", "/setpoint", "/reference", "/wrench", "/control", "/timing")
 FLYING = "flying"
-"""The phase of a flight that nothing holds back."""
+"""The phase in which nothing holds the flight back."""
 APART = 3e-3
-"""The logged set-point may be so far from the planned one, m: a tick's way, with a margin."""
+"""Largest distance of the logged set-point from the planned one, m: the motion in a tick, and a
+margin."""
 
 
 def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
-    """The run's part of a flight, and what is to be said of the whole of it.
+    """The run's part of a flight, and notes on the whole flight.
 
     Raises:
-        ValueError: The log or the truth is not whole, or they are not of this route.
+        ValueError: The log or the true values are not complete, or belong to another route.
     """
     columns = log.read(files.log, TOPICS)
     lengths = {len(found["log_time"]) for found in columns.values()}
@@ -43,7 +44,7 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     trajectory = route.trajectory
     _check_way(route, columns, begin, files.log)
     begins = np.array(trajectory.begins)
-    # From the stay at the run's first way-point to the end of that at its last.
+    # From the stay at the run's first way-point to the end of the stay at its last.
     count = len(run.waypoints)
     arrival = begins[route.first] - route.waypoints[route.first].hold
     leave = begins[route.first + count - 1]
@@ -54,7 +55,7 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     chain = {name: values[rows] for name, values in _chain(columns).items()}
     record.take(chain, run.model().tool_rotation)
     record.seconds = float(leave - arrival)
-    # The run's way-point that each row is on the way to, or stays at.
+    # For each row, the run's way-point to which the tool moves, or at which it stays.
     on_way = np.searchsorted(begins[route.first :], time[rows] - begin, side="right")
     owner = np.array([record.phases.index(point.phase) for point in run.waypoints])
     record.phase = owner[np.minimum(on_way, count - 1)]
@@ -64,7 +65,7 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
 
 
 def _begin(columns: dict[str, log.Columns], path: Path) -> float:
-    """When the route began: the first set-point that moves after the bias was learnt."""
+    """The time at which the route began: the first set-point that moves after the bias was learnt."""
     compliant = columns["/control"]["compliant"] > 0.0
     moves = np.linalg.norm(columns["/setpoint"]["velocity_w"], axis=1) > 0.0
     found = np.flatnonzero(compliant & moves)
@@ -74,17 +75,17 @@ def _begin(columns: dict[str, log.Columns], path: Path) -> float:
 
 
 def _check_way(route: Route, columns: dict[str, log.Columns], begin: float, path: Path) -> None:
-    """The set-points of the log must be the route's, or phases and times mean nothing."""
+    """The set-points of the log must be those of the route; otherwise phases and times mean nothing."""
     time, trajectory = columns["/flight"]["time"] - begin, route.trajectory
     rows = np.flatnonzero((time > trajectory.begins[0]) & (time < trajectory.duration))[::50]
     planned = np.array([trajectory.sample(float(t)).position for t in time[rows]])
-    # Where the way begins is where take-off ended.
+    # The route begins where take-off ended.
     later = time[rows] > trajectory.begins[1]
     apart = np.linalg.norm(columns["/setpoint"]["position_w"][rows] - planned, axis=1)[later]
     if not len(apart) or np.max(apart) > APART:
         worst = np.max(apart) if len(apart) else float("nan")
         raise ValueError(
-            f"{path}: its set-points are up to {1e3 * worst:.1f} mm off the trajectory's; expected at most "
+            f"{path}: its set-points are up to {1e3 * worst:.1f} mm off the trajectory; expected at most "
             f"{1e3 * APART:g} mm: the flight was held back, or is another one"
         )
 
@@ -100,7 +101,7 @@ def _truth(path: Path, times: Vector) -> dict[str, Vector]:
 
 
 def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
-    """The columns that `tilthex.Loop.record` has."""
+    """The columns of `tilthex.Loop.record`."""
     state, wrench, control = columns["/state"], columns["/wrench"], columns["/control"]
     found = {
         "estimated_position": state["position_w"],
@@ -120,7 +121,7 @@ def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
 
 
 def _notes(columns: dict[str, log.Columns], rows: NDArray[np.int64]) -> list[str]:
-    """How punctual the loop was, over the whole flight and in the run's part of it."""
+    """The timing of the loop, over the whole flight and in the run's part of it."""
     timing = columns["/timing"]
     flying = log.flying(columns["/flight"]["phase"])
     latency = timing["imu_to_command"][flying & (timing["imu_to_command"] > 0.0)]
@@ -133,7 +134,7 @@ def _notes(columns: dict[str, log.Columns], rows: NDArray[np.int64]) -> list[str
 
 
 def _off(record: Record) -> str:
-    """How far the true tool was from where the controller wanted it."""
+    """Distance of the true tool from the pose that the controller wanted."""
     off = np.linalg.norm(record.tool_position - record.reference_position, axis=1)
     return f"true tool {1e3 * np.max(off):.2f} mm at most from its reference"
 

@@ -1,4 +1,4 @@
-"""The world of an experiment: MuJoCo, the rotors' lag, the sensors, and the truth."""
+"""The world of an experiment: MuJoCo, the rotors' lag, the sensors, and the true values."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tilthex.mjcf import TIMESTEP, Rod, to_mjcf
 
 try:
     import mujoco
-except ImportError as error:  # pragma: no cover - says what to do and ends
+except ImportError as error:  # pragma: no cover - a message and the end of the program
     raise ImportError(
         "the experiments need MuJoCo, which is not installed: pip install 'tilthex[experiments]'"
     ) from error
@@ -43,9 +43,9 @@ class Noise:
     rotor_speed: float = 0.1
     """Measured rotor speed, Hz."""
     gyro_bias: float = 0.0
-    """Standard deviation of the gyroscope's constant bias, rad/s; drawn anew for every seed."""
+    """Standard deviation of the gyroscope's constant bias, rad/s; each seed gives another bias."""
     accelerometer_bias: float = 0.0
-    """Likewise of the accelerometer's, m/s^2."""
+    """The same for the accelerometer, m/s^2."""
     pose_period: float = 0.01
     """Time between captured poses, s."""
     pose_delay: float = 0.015
@@ -64,10 +64,10 @@ class Pose(NamedTuple):
 
 
 class World:
-    """One robot in one scene, advanced by whole control periods.
+    """One robot in one scene, which advances by whole control periods.
 
-    The IMU's specific force is the mean over the period, as a converter with an
-    anti-alias filter gives; angular velocity and rotor speeds are those at its end.
+    The specific force of the IMU is the mean over the period, as of a converter with an anti-alias
+    filter. Angular velocity and rotor speeds are those at the end of the period.
     """
 
     def __init__(
@@ -82,17 +82,17 @@ class World:
         feet: Sequence[ET.Element] = (),
         drawn: Drawn | None = None,
     ) -> None:
-        """The robot at rest with its tool at a pose, rotors at their hover speeds.
+        """The robot at rest with its tool at a pose, and its rotors at their hover speeds.
 
         Args:
             vehicle: The true vehicle.
-            scene: What surrounds it.
-            noise: Of its sensors.
-            seed: Chooses the noise.
-            tool_position: Where its tool starts, m, W.
-            tool_rotation: Likewise its orientation.
+            scene: Its environment.
+            noise: The noise of its sensors.
+            seed: Seed of the noise.
+            tool_position: Position of its tool at the start, m, W.
+            tool_rotation: Orientation of its tool at the start.
             feet: Elements of the robot's body.
-            drawn: What else is true of it: effects, errors of the sensors, noise and delays.
+            drawn: Other true properties: effects, errors of the sensors, noise and delays.
         """
         self.rotation: Vector = tool_rotation @ vehicle.tool_rotation.T
         start = tool_position - self.rotation @ vehicle.tool_position
@@ -115,7 +115,7 @@ class World:
         self._errors = None if drawn is None else drawn.sensor_errors()
         self._remembers = self._errors is not None and self._errors.remembers
         self.captured: Vector = np.zeros(3) if self._errors is None else self._errors.captured
-        """The point that motion capture sees, from the centre of mass, R, m."""
+        """The point that motion capture measures, from the centre of mass, R, m."""
         self.tool_offset = vehicle.tool_position
         self.rotor_speeds: Vector = vehicle.hover_speeds(self.rotation)
         self.push: Vector = np.zeros(3)
@@ -159,12 +159,12 @@ class World:
 
     @property
     def captured_position(self) -> Vector:
-        """True position of the point that motion capture sees, m, W: the model's centre of mass."""
+        """True position of the point that motion capture measures, m, W: the model's centre of mass."""
         return self.position + self.rotation @ self.captured
 
     @property
     def velocity(self) -> Vector:
-        """Its true velocity, m/s, W."""
+        """True velocity of the centre of mass, m/s, W."""
         return np.asarray(self.data.qvel[:3])
 
     @property
@@ -190,7 +190,7 @@ class World:
         return self.velocity + self.rotation @ np.cross(self.angular_velocity, self.tool_offset)
 
     def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
-        """Advances one control period, s, under commanded rotor speeds, Hz."""
+        """Advances by one control period, s, under commanded rotor speeds, Hz."""
         data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()
         commanded = rotor_command
         for _ in range(round(period / TIMESTEP)):
@@ -229,7 +229,7 @@ class World:
         self._next_draw += 1
 
     def _act(self, effects: Effects, accelerations: Vector) -> None:
-        """Adds what the effects do to the airframe now; a time step passes for them."""
+        """Applies the wrench of the effects to the airframe, and advances the effects by a time step."""
         data = self.data
         mujoco.mju_quat2Mat(self._turned.reshape(9), data.qpos[3:7])
         wrench = effects.step(
@@ -241,17 +241,18 @@ class World:
             accelerations,
             TIMESTEP,
         )
-        # An applied force acts at the body's own centre of mass, the wrench at the vehicle's.
+        # MuJoCo applies a force at the centre of mass of the body, but the wrench acts at that of
+        # the vehicle.
         away = self._turned @ self.model.body_ipos[self._robot]
         data.xfrc_applied[self._robot, :3] += wrench[:3]
         data.xfrc_applied[self._robot, 3:] += self._turned @ wrench[3:] - np.cross(away, wrench[:3])
 
     def perfect_accelerometer(self) -> Vector:
-        """What one without noise and bias would say, m/s^2, IMU axes."""
+        """The value of an accelerometer without noise and bias, m/s^2, IMU axes."""
         return self._specific_force
 
     def specific_force(self) -> Vector:
-        """What the accelerometer says, m/s^2, IMU axes."""
+        """The value of the accelerometer, m/s^2, IMU axes."""
         said = self._felt()[1]
         return said + self.noise.accelerometer * self._noise[:3] + self.accelerometer_bias
 
@@ -260,25 +261,25 @@ class World:
         return self._specific_force_r
 
     def gyro(self) -> Vector:
-        """What the gyroscope says, rad/s, IMU axes."""
+        """The value of the gyroscope, rad/s, IMU axes."""
         return np.asarray(self._felt()[0] + self.noise.gyro * self._noise[3:6] + self.gyro_bias)
 
     def _felt(self) -> tuple[Vector, Vector]:
-        """What gyroscope and accelerometer without noise say, IMU axes."""
+        """The values of gyroscope and accelerometer without noise, IMU axes."""
         turned = self.vehicle.imu_rotation.T @ self.angular_velocity
         if self._errors is None:
             return turned, self._specific_force
         return self._errors.imu(turned, self._specific_force)
 
     def measured_rotor_speeds(self) -> Vector:
-        """What the motor controllers say, Hz."""
+        """The rotor speeds that the motor controllers measure, Hz."""
         speeds = self.rotor_speeds
         if self._errors is not None and self._remembers:
             speeds = self._errors.rotor_speeds()
         return speeds + self.noise.rotor_speed * self._noise[6:]
 
     def arrived_poses(self) -> list[Pose]:
-        """Captures a pose when one is due; those that have arrived by now, each once."""
+        """Captures a pose when one is due; returns each pose that has arrived, once."""
         now, noise = self.time, self.noise
         if now >= self._next_capture - 1e-9:
             self._next_capture += noise.pose_period
@@ -291,11 +292,11 @@ class World:
         return due
 
     def contact_wrench(self) -> tuple[Vector, float, Vector]:
-        """Truth: the wrench of all contacts of the tool on it (force, torque about its origin; W).
+        """True wrench of all contacts on the tool (force, torque about its origin; W).
 
-        Each contact's force is turned by the contact's frame, and acts on the
-        second of its geoms. Also the largest single contact force, N, and how hard
-        the surfaces across each world axis press, N, (3,): their normal forces alone.
+        The force of each contact is given in the frame of the contact, and acts on the second of its
+        geoms. Also returns the largest single contact force, N, and the normal forces of the surfaces
+        across each world axis, N, (3,).
         """
         wrench, largest, pressure = np.zeros(6), 0.0, np.zeros(3)
         tool = self.tool_position
@@ -315,7 +316,7 @@ class World:
         return wrench, largest, pressure
 
     def true_wrench(self) -> tuple[Vector, float, Vector]:
-        """Truth: the wrench on the tool, pull included, and what [`contact_wrench`] adds to it."""
+        """True wrench on the tool with the pull, and the two other values of [`contact_wrench`]."""
         if self._clamped:
             return self.constraint_wrench(), 0.0, np.zeros(3)
         wrench, largest, pressure = self.contact_wrench()
@@ -323,9 +324,9 @@ class World:
         return wrench, largest, pressure
 
     def constraint_wrench(self) -> Vector:
-        """Truth by another way: what all constraints do to the free joint.
+        """The true wrench, computed in another way: what all constraints exert on the free joint.
 
-        Contacts and clamp alike, as force and torque about the tool's origin (W).
+        It contains contacts and clamp, as force and torque about the tool's origin (W).
         """
         force, torque = self.data.qfrc_constraint[:3], self.rotation @ self.data.qfrc_constraint[3:6]
         return np.concatenate([force, torque - np.cross(self.rotation @ self.tool_offset, force)])

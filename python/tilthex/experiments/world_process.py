@@ -1,9 +1,11 @@
-"""The world of an experiment as a process that `tilthex-sim --world` steps, one board cycle at a time.
+"""The world of an experiment as a process.
 
-It speaks the records of `crates/tilthex-rt/src/sim/world/record.rs` over its standard
-input and output: little-endian, a greeting and a first state, then for each request
-(time, ns; speed that each motor drives its rotor to, Hz) the state at that time. It ends
-when its input does, and then writes the truth.
+`tilthex-sim --world` advances it by one board cycle at a time.
+
+It exchanges the records of `crates/tilthex-rt/src/sim/world/record.rs` over its standard input and
+output, in little-endian order: a greeting and a first state, then for each request (time, ns; speed to
+which each motor drives its rotor, Hz) the state at that time. It ends when its input ends, and then
+writes the true values.
 """
 
 from __future__ import annotations
@@ -36,11 +38,11 @@ REQUEST = struct.Struct(f"<Q{MAX_ROTORS}d")
 GREETING = struct.Struct("<8s27d")
 STATE = struct.Struct(f"<Q{33 + MAX_ROTORS}d")
 CHUNK = 8192
-"""Rows by which the truth grows."""
+"""Number of rows by which the arrays of the true values grow."""
 
 
 class Truth:
-    """What is true at the end of every cycle: the columns of a record, and the monotonic time, ns."""
+    """The true values at the end of every cycle: the columns of a record, and the monotonic time, ns."""
 
     def __init__(self, rotors: int) -> None:
         self._shapes = COLUMNS | {"rotor_speeds": (rotors,)}
@@ -48,7 +50,7 @@ class Truth:
         self._times: list[int] = []
 
     def add(self, at: int, world: World, wrench: Vector, largest: float, pressure: Vector) -> None:
-        """Adds the world as it is, with the wrench on its tool."""
+        """Adds the present state of the world, with the wrench on its tool."""
         row = len(self._times) % CHUNK
         if row == 0:
             shapes = self._shapes.items()
@@ -78,7 +80,7 @@ class Truth:
 
 
 class Stepper:
-    """An experiment's world with the vehicle on its stand, rotors still, and the records about it."""
+    """An experiment's world with the vehicle at rest on its stand, and the records about it."""
 
     def __init__(self, run: Run) -> None:
         self._model = run.model()
@@ -96,7 +98,7 @@ class Stepper:
             drawn=drawn,
         )
         self._errors = drawn.sensor_errors().constants
-        # Motors that stand still are no command of the controller, and below its limits.
+        # Motors that stand still are below the limits of the controller, and are no command of it.
         self.world.model.actuator_ctrllimited[:] = 0
         self.world.rotor_speeds[:] = 0.0
         self._last = np.zeros(3)
@@ -105,7 +107,7 @@ class Stepper:
             self.step(0, np.zeros(MAX_ROTORS))
 
     def greeting(self) -> bytes:
-        """What [`GREETING`] holds."""
+        """The bytes of [`GREETING`]."""
         world, noise = self.world, self.world.noise
         return GREETING.pack(
             MAGIC,
@@ -125,11 +127,11 @@ class Stepper:
         )
 
     def step(self, at: int, commands: Vector) -> bytes:
-        """Advances one cycle that ends `at` (ns) under speeds in Hz; what [`STATE`] holds."""
+        """Advances by a cycle that ends `at` (ns) under speeds in Hz; returns the bytes of [`STATE`]."""
         world = self.world
         rotors = world.vehicle.rotor_count
         world.step(commands[:rotors], TIMESTEP)
-        # Over two cycles: the mean over a control period, as everywhere in the experiments.
+        # Over two cycles: the mean over a control period, as in all experiments.
         felt = world.perfect_accelerometer()
         force, self._last = 0.5 * (felt + self._last), felt
         wrench, largest, pressure = world.true_wrench()
@@ -150,7 +152,7 @@ class Stepper:
 
 
 def serve(stepper: Stepper, requests: BinaryIO, answers: BinaryIO) -> None:
-    """Greets, then answers until the requests end."""
+    """Sends the greeting, then answers until the requests end."""
     answers.write(stepper.greeting() + stepper.step(0, np.zeros(MAX_ROTORS)))
     answers.flush()
     while len(request := requests.read(REQUEST.size)) == REQUEST.size:
@@ -160,7 +162,7 @@ def serve(stepper: Stepper, requests: BinaryIO, answers: BinaryIO) -> None:
 
 
 def choose(experiment: str, name: str | None) -> Run:
-    """A run of an experiment by its name; the first without.
+    """The run of an experiment with this name; the first run if no name is given.
 
     Raises:
         ValueError: There is no such experiment or run.
@@ -175,17 +177,19 @@ def choose(experiment: str, name: str | None) -> Run:
 
 
 def main() -> int:
-    """Serves the world that the command line names; exit status 2 where there is none."""
+    """Serves the world that the command line names; exit status 2 if there is none."""
     parser = argparse.ArgumentParser(prog="python -m tilthex.experiments.world_process", description=__doc__)
-    parser.add_argument("experiment", help="its name or its TOML file")
-    parser.add_argument("--run", metavar="NAME", help="which of its runs (default: the first)")
+    parser.add_argument("experiment", help="the experiment's name or its TOML file")
+    parser.add_argument("--run", metavar="NAME", help="name of the run (default: the first)")
     parser.add_argument("--level", help="how the vehicle differs from its model: a level or a TOML file")
-    parser.add_argument("--seed", type=int, default=1, help="with --level: chooses the vehicle")
-    parser.add_argument("--truth", type=Path, metavar="FILE.npz", help="write the truth of every cycle there")
+    parser.add_argument("--seed", type=int, default=1, help="with --level: seed of the vehicle")
+    parser.add_argument(
+        "--truth", type=Path, metavar="FILE.npz", help="file for the true values of every cycle"
+    )
     arguments = parser.parse_args()
-    # An interrupt is for tilthex-sim, which then ends the input.
+    # An interrupt is for tilthex-sim, which then closes this input.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    # What a library prints must not get between the records.
+    # Output of a library must not get between the records.
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
     try:
@@ -198,7 +202,7 @@ def main() -> int:
         return 2
     if arguments.truth is not None:
         stepper.truth = Truth(stepper.world.vehicle.rotor_count)
-    # A collection would be a late cycle; nothing here makes cycles of references.
+    # A garbage collection would make a cycle late; this program makes no reference cycles.
     gc.disable()
     with contextlib.suppress(OSError):
         highest = os.sched_get_priority_max(os.SCHED_FIFO)

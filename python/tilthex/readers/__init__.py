@@ -16,14 +16,14 @@ READERS: dict[str, Callable[[Path], list[Stream]]] = {
     ".db3": messages.read_bag,
     "": messages.read_bag,
 }
-"""What reads a file, by the end of its name. A ROS 2 bag is a folder."""
+"""The reader for each ending of a file name. A ROS 2 bag is a folder."""
 
 
 def read(path: Path) -> list[Stream]:
     """The streams of a file.
 
     Raises:
-        ValueError: The file is of another kind, is damaged, or says a unit that is none.
+        ValueError: The file is of another kind, is damaged, or has an unknown unit.
         OSError: It cannot be read.
     """
     reader = READERS.get(path.suffix.lower() if path.is_file() else "")

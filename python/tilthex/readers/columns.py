@@ -23,7 +23,10 @@ _NONE = {"": 1.0, "-": 1.0}
 
 @dataclass(frozen=True)
 class Quantity:
-    """What a column may hold: its units with the factor to ours, names before the axis, and the axes."""
+    """A quantity that a column may hold.
+
+    Its units with the factor to ours, its names before the axis, and its axes.
+    """
 
     units: Mapping[str, float]
     stems: tuple[str, ...]
@@ -90,8 +93,9 @@ QUANTITIES = {
 class Stream:
     """Rows of named columns from one place: a table, a topic, a variable.
 
-    `place` names it, `row` names its rows (such as "line 5"). `columns` are (n,) each, with the names and in
-    the units of the file; a unit may stand in the name: `gyro_x [deg/s]`, `time_ns`. NaN is missing.
+    `place` is its name, `row` names its rows (such as "line 5"). `columns` are (n,) each, with the names
+    and in the units of the file. A unit may be part of the name: `gyro_x [deg/s]`, `time_ns`. NaN stands
+    for a missing value.
     """
 
     place: str
@@ -100,15 +104,15 @@ class Stream:
     """The word for a row, and the number of the first."""
 
     def row(self, index: int) -> str:
-        """How the file's reader would find a row."""
+        """The name by which a user of the file finds a row."""
         word, first = self.rows
         return f"{word} {first + index}"
 
     def find(self, quantity: str) -> dict[str, Array]:
-        """The columns of a quantity in our units, by their axes; of the name that gives most axes.
+        """The columns of a quantity in our units, by axis, for the name that has most axes.
 
         Raises:
-            ValueError: A unit is none of this quantity.
+            ValueError: The unit is not a unit of this quantity.
         """
         kind = QUANTITIES[quantity]
         plain = {name: split_unit(name, kind.units) for name in self.columns}

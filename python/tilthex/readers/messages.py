@@ -13,9 +13,9 @@ from tilthex import _mcap
 from tilthex.readers.columns import Stream
 
 LARGEST_ARRAY = 64
-"""Longer lists in a message are no measurements of one moment."""
+"""A longer list in a message does not hold measurements of one moment."""
 STAMPS = ("header.stamp", "timestamp", "stamp")
-"""Names of a message's own time."""
+"""Names of the time that a message carries."""
 
 
 def read_mcap(path: Path) -> list[Stream]:
@@ -46,7 +46,7 @@ def read_bag(path: Path) -> list[Stream]:
     """Each topic of a ROS 2 bag: its folder, or one of its files.
 
     Raises:
-        ValueError: It is no bag.
+        ValueError: It is not a bag.
     """
     if path.is_file():
         path = path.parent
@@ -85,7 +85,7 @@ def ros_types() -> Any:
 
 
 class _said:
-    """What rosbags refuses, as a sentence."""
+    """Turns errors of rosbags into one sentence."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -99,7 +99,7 @@ class _said:
 
 
 def _decoder(path: Path, channel: _mcap.Channel) -> Callable[[bytes], Any] | None:
-    """What turns the bytes of a channel's messages into nested fields."""
+    """The function that turns the bytes of a channel's messages into nested fields."""
     name, encoding, data = channel.schema
     if channel.encoding == "json":
         return json.loads
@@ -134,10 +134,10 @@ def _fields(message: Any) -> Any:
 
 
 def _stream(place: str, messages: Iterable[tuple[int, Any]]) -> Stream:
-    """The numbers of messages as columns, named by their path with points between.
+    """The numbers of messages as columns, named by their path with points between names.
 
-    The time is the message's own stamp, where it has one; `arrival` is then when it was logged, where both
-    are of one clock.
+    The time is the stamp of the message, if it has one. Then `arrival` is the time at which it was
+    logged, if both are of the same clock.
     """
     logged: list[float] = []
     rows: list[dict[str, float]] = []
@@ -160,7 +160,7 @@ def _stream(place: str, messages: Iterable[tuple[int, Any]]) -> Stream:
 
 
 def _numbers(path: str, value: Any) -> Iterator[tuple[str, float]]:
-    """Name and value of each number; a time of two parts is one number, in s."""
+    """Name and value of each number. A time of two parts becomes one number, s."""
     if isinstance(value, Mapping):
         whole = next((value[name] for name in ("sec", "seconds", "secs") if name in value), None)
         part = next((value[name] for name in ("nanosec", "nsec", "nanos", "nsecs") if name in value), None)

@@ -15,12 +15,14 @@ Array = NDArray[np.float64]
 
 
 def read_csv(path: Path) -> list[Stream]:
-    """A table with names in its first line; separated by commas, semicolons or tabs. An empty field is NaN.
+    """A table with names in its first line, separated by commas, semicolons or tabs.
+
+    An empty field is NaN.
 
     Raises:
-        ValueError: A field is no number, with its line.
+        ValueError: A field is not a number; the message names its line.
     """
-    # A byte-order mark, as spreadsheets write it, is no part of the first name.
+    # A byte-order mark, as spreadsheets write it, is not part of the first name.
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
         head = file.readline()
         separator = max(",;\t", key=head.count)
@@ -42,14 +44,14 @@ def read_csv(path: Path) -> list[Stream]:
 
 
 def read_mat(path: Path) -> list[Stream]:
-    """The numeric variables of a MAT file (version 7 or older): one stream a structure and number of samples.
+    """The numeric variables of a MAT file (version 7 or older): one stream per structure and length.
 
-    (n, 3) are x, y, z; (n, 4) are a quaternion in the order that its name ends with (`_xyzw` or `_wxyz`), or
-    w first as in BROAD (`opt_quat`); (n, 3, 3) and (3, 3, n) are rotations. `fs` or `sampling_rate`, Hz,
-    stands in for a time.
+    (n, 3) are x, y, z; (n, 4) are a quaternion in the order of the end of its name (`_xyzw` or `_wxyz`),
+    or w first as in BROAD (`opt_quat`); (n, 3, 3) and (3, 3, n) are rotations. `fs` or `sampling_rate`,
+    Hz, replaces a missing time.
 
     Raises:
-        ValueError: It is no such file.
+        ValueError: It is not such a file.
     """
     from scipy.io import loadmat
     from scipy.io.matlab import MatReadError
@@ -69,7 +71,7 @@ def read_mat(path: Path) -> list[Stream]:
             groups.setdefault((structure, len(samples)), {})[column] = samples
     streams = []
     for (structure, length), columns in groups.items():
-        # What stands outside of the structures counts for each of them.
+        # Variables outside of all structures count for each structure.
         whole = groups.get(("", length), {}) | columns
         stream = Stream(f"{path}, {structure or 'variables'} ({length} samples)", whole, ("sample", 1))
         if not stream.find("time") and rates:
@@ -95,7 +97,7 @@ def _variables(prefix: str, group: dict[str, Any]) -> list[tuple[str, NDArray[An
 
 
 def _columns(path: Path, name: str, values: NDArray[Any]) -> dict[str, Array]:
-    """The columns of one variable; none of a scalar or of more than it can be."""
+    """The columns of one variable; none for a scalar or a variable of another shape."""
     values = np.squeeze(values).astype(float)
     if values.ndim == 1 and len(values) > 1:
         return {name: values}

@@ -10,17 +10,17 @@ import numpy as np
 from tilthex.readers.columns import Stream
 
 POSES = ("vehicle_visual_odometry", "vehicle_mocap_odometry")
-"""Topics of poses that were measured outside; `vehicle_odometry` is PX4's own estimate."""
+"""Topics of poses from an external system; `vehicle_odometry` is PX4's own estimate."""
 
 
 def read(path: Path) -> list[Stream]:
-    """Inertial samples (`sensor_combined`) and poses from outside, in our axes.
+    """Inertial samples (`sensor_combined`) and external poses, in our axes.
 
-    PX4 counts x forward, y right, z down in the body, and z down in the world (local NED or FRD): both become
-    x forward, y left, z up by a half turn about x.
+    PX4 has x forward, y right, z down in the body, and z down in the world (local NED or FRD). Both are
+    changed to x forward, y left, z up by a rotation of 180 deg about x.
 
     Raises:
-        ValueError: It is no log of PX4.
+        ValueError: It is not a log of PX4.
     """
     try:
         from pyulog import ULog
@@ -32,7 +32,7 @@ def read(path: Path) -> list[Stream]:
     except OSError:
         raise
     except Exception as error:
-        # What is no log fails in many ways, of which the library names some.
+        # A file that is not a log fails in many ways, and the library recognises only some of them.
         raise ValueError(f"{path} is no log of PX4 that can be read: {error}") from error
     return [_stream(path, topic) for topic in topics]
 
@@ -54,7 +54,7 @@ def _stream(path: Path, topic: Any) -> Stream:
         if "timestamp_sample" in data:
             columns = {"time_us": data["timestamp_sample"], "arrival_us": data["timestamp"]}
         columns |= {f"position_{axis}": flip[k] * data[names[k]] for k, axis in enumerate("xyz")}
-        # A half turn about x on both sides: y and z of the quaternion change their sign.
+        # A rotation of 180 deg about x on both sides: y and z of the quaternion change their sign.
         signs = (*flip, 1.0)
         columns |= {f"quaternion_{axis}": signs[k] * data[turn[k]] for k, axis in enumerate("xyzw")}
     return Stream(f"{path}, {topic.name}", columns, ("message", 1))

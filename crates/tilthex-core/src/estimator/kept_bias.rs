@@ -1,4 +1,5 @@
 //! The bias of the gyro while a model replaces the gyro.
+//!
 //! During this time, the entry of the gyro bias in the filter holds the error of the model's rate, which poses
 //! correct. It says nothing about the gyro. When the gyro is used again, its own bias is restored.
 

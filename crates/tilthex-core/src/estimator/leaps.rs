@@ -1,4 +1,5 @@
 //! Leaps of the inertial readings, which show that there was a blow.
+//!
 //! Between two samples the filter uses the mean of the readings, as if they followed a straight line. The deviation
 //! of a sample from the line through the two samples before it, `x - 2 y + z`, happened at an unknown time between
 //! the samples, so that the integral of the interval is wrong by a share of it. White noise leaps too, and so does

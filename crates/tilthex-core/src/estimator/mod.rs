@@ -152,6 +152,7 @@ pub struct Estimator {
 
 impl Estimator {
     /// An estimator that waits for [`initialize`](Self::initialize).
+    ///
     /// # Errors
     /// [`Error`], which names the parameter that is not possible.
     pub fn new(params: EstimatorParams) -> Result<Self, Error> {
@@ -196,6 +197,7 @@ impl Estimator {
 
     /// Starts from a pose of the captured body at `time` (s), with the deviations of [`EstimatorParams::initial`], at
     /// zero velocity and with zero biases.
+    ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::OutOfRange`] or [`Error::NotRotation`], which name the argument.
     pub fn initialize(
@@ -211,6 +213,7 @@ impl Estimator {
     }
 
     /// Starts from a pose of the captured body of a vehicle at rest, with the biases that its IMU shows.
+    ///
     /// # Errors
     /// [`StartError`]: the vehicle moves, was not observed for long enough, or the directions of gravity by
     /// accelerometer and pose differ.

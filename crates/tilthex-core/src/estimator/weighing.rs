@@ -1,5 +1,6 @@
 //! The correction of the head by a pose: with full weight if the pose passes the gate, with a smaller weight if it is
 //! surprising.
+//!
 //! A surprising pose has two explanations: the pose is noisier than configured, or the state is less certain than its
 //! covariance says. The nearer explanation is taken: either the noise of the pose, or the deviations of position,
 //! velocity and rotation are scaled until the innovation is at the gate. The deviations of the state are preferred after

@@ -95,6 +95,7 @@ impl Effects {
     };
 
     /// Refuses impossible numbers.
+    ///
     /// # Errors
     /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {

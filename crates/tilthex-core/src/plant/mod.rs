@@ -96,6 +96,7 @@ impl Plant {
     }
 
     /// The plant of a vehicle with effects.
+    ///
     /// # Errors
     /// [`Error`], which names the parameter of an effect that is out of range.
     pub fn with_effects(vehicle: Vehicle, effects: Effects) -> Result<Self, Error> {

@@ -20,6 +20,7 @@ pub struct Rod {
 
 impl Rod {
     /// The mounting of the tool when a force at its tip, N, tool coordinates, bends the rod.
+    ///
     /// The rod has no mass and no damping: it follows the force at once. The tip rotates by `3/2` of the displacement
     /// divided by the length.
     #[must_use]

@@ -7,8 +7,9 @@ use crate::{
 use core::f64::consts::TAU;
 
 /// Angular momentum of the rotors, N m s, robot coordinates, at speeds in Hz.
-/// The direction of rotation is opposite to the drag moment, whose sign is `spin`: `h = -J sum(spin_i 2 pi w_i
-/// axis_i)`.
+///
+/// The direction of rotation is opposite to the drag moment, whose sign is `spin`:
+/// `h = -J sum(spin_i 2 pi w_i axis_i)`.
 #[must_use]
 pub fn momentum(vehicle: &Vehicle, inertia: f64, speeds: &RotorVector) -> Vector3 {
     vehicle

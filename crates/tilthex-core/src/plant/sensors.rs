@@ -70,6 +70,7 @@ impl SensorParams {
     };
 
     /// Refuses impossible numbers.
+    ///
     /// # Errors
     /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {

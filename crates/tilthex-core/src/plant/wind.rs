@@ -61,6 +61,7 @@ impl Wind {
         Self { mean_w: Vector3::new(0.0, 0.0, 0.0), gust_deviation: 0.0, gust_length: 20.0 };
 
     /// Refuses impossible numbers.
+    ///
     /// # Errors
     /// [`Error`], which names the first of them.
     pub fn check(&self) -> Result<(), Error> {

@@ -1,4 +1,5 @@
 //! Triangles of 15x15 matrices, in a layout for the two products of the filter.
+//!
 //! A column holds 16 lanes, so that a compiler turns each loop over lanes into whole vector instructions. Columns are
 //! processed in groups of four, from the first lane of the group. Entries above the diagonal are never read.
 #![allow(clippy::needless_range_loop)] // Indices are the mathematics here.

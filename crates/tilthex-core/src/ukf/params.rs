@@ -60,6 +60,7 @@ impl Default for InitialDeviation {
 
 impl InitialDeviation {
     /// Refuses deviations that are not positive, or too large for the filter.
+    ///
     /// # Errors
     /// [`Error`], which names the deviation.
     pub fn check(&self) -> Result<(), Error> {

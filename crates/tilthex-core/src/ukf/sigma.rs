@@ -115,6 +115,7 @@ impl Quaternion {
 
 impl Navigation {
     /// The state after `dt` seconds of constant readings.
+    ///
     /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, including their biases.
     #[must_use]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {

@@ -65,6 +65,7 @@ pub struct Host {
 
 impl Host {
     /// The host's end before the first byte, for a vehicle with `rotor_count` rotors.
+    ///
     /// # Errors
     /// If the period of a stream is not possible.
     pub fn new(params: LinkParams, rotor_count: usize) -> Result<Self, Error> {

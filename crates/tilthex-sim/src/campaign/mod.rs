@@ -1,5 +1,6 @@
 //! The fault campaign: many flights with random faults on virtual time, through the real codecs, estimator,
 //! supervisor and controller.
+//!
 //! A flight fails on each of these: a panic; a byte that must not be sent; a reaction that the table of faults does
 //! not list; a fly-away; a speed above the limit; motors that are stopped in the air; an end with success although
 //! the vehicle is not where it believes it is.
@@ -93,6 +94,7 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
 }
 
 /// A world at the moment at which its mission begins. All flights of a campaign share it.
+///
 /// # Errors
 /// If a flight without faults does not reach its mission.
 pub fn hover(params: LinkedParams) -> Result<World, SimError> {
@@ -147,6 +149,7 @@ impl Fleet<'_> {
 
 /// Flies `count` flights with the seeds from `first` on, with faults of the given kinds, on all processors. If the
 /// truth differs from the model, each flight has its own vehicle.
+///
 /// # Errors
 /// If the vehicle cannot reach its mission without faults.
 pub fn run(
@@ -191,6 +194,7 @@ pub fn run(
 }
 
 /// Flies the flight of one seed again, and returns what happened in it.
+///
 /// # Errors
 /// If the vehicle cannot reach its mission without faults.
 pub fn again(
