@@ -1,1 +1,1 @@
-"""Speed, always beside a straightforward NumPy version in the same run."""
+"""Speed, compared with a straightforward NumPy version in the same run."""

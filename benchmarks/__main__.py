@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: this library against NumPy on this machine, now."""
+"""`python -m benchmarks`: compares this library with NumPy on this machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ROUNDS = 7
 
 
 def best(call: Callable[[], object], count: int) -> float:
-    """Time of one of `count` calls in the fastest of some rounds, us."""
+    """Time of one call, us: the fastest of some rounds of `count` calls."""
     times = []
     for _ in range(ROUNDS):
         begin = time.perf_counter()
@@ -57,7 +57,7 @@ def rust_run(duration: float, **options: object) -> np.ndarray:
 
 
 def compiled_row(r: np.ndarray, zero: np.ndarray, up: np.ndarray, speeds: np.ndarray) -> None:
-    """The tick in Rust beside a plain loop of the same laws compiled with numba."""
+    """Compares the tick in Rust with a plain loop of the same laws, compiled with numba."""
     try:
         from benchmarks import numba_controller
     except ImportError:
@@ -78,7 +78,7 @@ def compiled_row(r: np.ndarray, zero: np.ndarray, up: np.ndarray, speeds: np.nda
 
 
 def main() -> None:
-    # The two must do the same work before their times mean anything.
+    # The times mean something only if both do the same work.
     apart = np.linalg.norm(numpy_run(10.0) - rust_run(10.0, estimator=False))
     if not apart < 2e-3:
         raise SystemExit(f"the two versions end {apart:.4f} m apart; expected the same flight")

@@ -1,9 +1,10 @@
-"""The allocator beside NumPy's pseudo-inverse with a clip, and a quadratic program a level.
+"""Compares the allocator with NumPy's pseudo-inverse and clip, and with one quadratic program per level.
 
 python -m benchmarks.allocation
 
-Prints times of one allocation, and ratios to the allocator's in the same run. The allocator's own
-time from Python is mostly that of the call; `cargo bench -p tilthex-core --bench allocation` has its own.
+Prints the time of one allocation, and its ratio to that of the allocator in the same run. From Python the
+allocator's own time is mostly that of the call; `cargo bench -p tilthex-core --bench allocation` measures
+the allocator alone.
 """
 
 import timeit
@@ -15,12 +16,12 @@ from benchmarks.lexicographic import least_errors
 
 
 def best(call, number: int) -> float:
-    """Seconds of one call: the least of five runs."""
+    """Seconds per call: the least of five runs."""
     return min(timeit.repeat(call, number=number, repeat=5)) / number
 
 
 def main() -> None:
-    """Times each way with and without limits."""
+    """Measures each way, with and without active limits."""
     vehicle = tilthex.Vehicle.preset("tilt-hex")
     allocator = tilthex.Allocator(vehicle)
     inverse = np.linalg.pinv(vehicle.allocation)

@@ -1,9 +1,10 @@
-"""The estimator on real recordings: errors at the poses that it was not given, and filterpy beside it.
+"""The estimator on real recordings: errors at withheld poses, compared with filterpy.
 
     python -m benchmarks.broad
 
-The recordings (BROAD, Laidig et al. 2021) have a raw hand-held IMU at 285.7 Hz, in one of them tapped, and
-OptiTrack poses. They are looked for in ../shared/data/broad, or in the folder `broad` of $TILTHEX_DATA.
+The recordings (BROAD, Laidig et al. 2021) have a raw hand-held IMU at 285.7 Hz, which is tapped in one of
+them, and OptiTrack poses. They are read from ../shared/data/broad, or from the folder `broad` of
+$TILTHEX_DATA.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from benchmarks.ukf import compare
 Array = NDArray[np.float64]
 NAME = "10_undisturbed_slow_translation_A.mat"
 TAPPED = "24_disturbed_tapping_A.mat"
-# Noises of this IMU (its datasheet's, twice) and of this capture.
+# Noises of this IMU (twice the values of its datasheet) and of this capture system.
 KEYS = {
     "gyro_noise": 2e-4,
     "accelerometer_noise": 4e-3,
@@ -36,7 +37,7 @@ KEYS = {
 
 
 def path(name: str = NAME) -> Path:
-    """Where a recording is, whether it exists or not."""
+    """Path of a recording, whether it exists or not."""
     root = os.environ.get("TILTHEX_DATA")
     folder = Path(root) if root else Path(__file__).parents[1] / ".." / "shared" / "data"
     return folder / "broad" / name
@@ -56,14 +57,14 @@ def load(name: str = NAME) -> Recording:
 
 
 def config() -> tilthex.Config:
-    """A robot that is nothing but this IMU."""
+    """A robot that consists only of this IMU."""
     default = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
     mounting = {"imu_position": [0, 0, 0], "imu_rotation_deg": [0, 0, 0]}
     return default.replace(vehicle=mounting, estimator=KEYS)
 
 
 def found_offset(recording: Recording) -> Calibration:
-    """The place of the markers and the latency, from a minute of motion."""
+    """The position of the markers and the latency, from a minute of motion."""
     begin, end = 60.0, 120.0
     inside = (recording.imu_time >= begin) & (recording.imu_time < end)
     part = Recording(
@@ -108,7 +109,7 @@ def errors(recording: Recording) -> None:
 
 
 def beside(recording: Recording, seconds: float = 20.0) -> None:
-    """The filters beside each other on some seconds of it."""
+    """Compares the filters on some seconds of a recording."""
     inside = (recording.imu_time >= 60.0) & (recording.imu_time < 60.0 + seconds)
     imu = (recording.imu_time[inside], recording.gyro[inside], recording.specific_force[inside])
     poses = recording.select((recording.pose_time >= imu[0][0]) & (recording.pose_time <= imu[0][-1]))
@@ -122,7 +123,7 @@ def beside(recording: Recording, seconds: float = 20.0) -> None:
 
 
 def main() -> None:
-    """Everything; where the recording is not there, a sentence and status 2."""
+    """Runs everything. Without the recording, prints a sentence and ends with status 2."""
     if not path().exists():
         print(
             f"{path()} is not there: the BROAD data set (Laidig, Caruso, Cereatti and Seel 2021) has it, in "

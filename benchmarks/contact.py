@@ -1,12 +1,13 @@
-"""Wind or contact: how well a touch is told from gusts, with `[contact] discrimination` and without it.
+"""Wind or contact: how well a touch is recognised in gusts, with and without `[contact] discrimination`.
 
     python -m benchmarks.contact --seeds 20
 
-Flies drawn vehicles in wind with gusts. Each is touched six times at its tool, for 2 s, with 0.3 to 3 N
-from a random direction. Prints, for each truth level, which part of the touching time is recognised where at
-most 1 % or 5 % of the time without a touch is taken for one (from 0.2 s after the begin of a touch), and the
-area under this curve. Without discrimination a touch is what exceeds a threshold of the observed force; with
-it, what exceeds a likelihood. Then: how far the wind alone moves the tool, and how far a largest touch does.
+Flies drawn vehicles in wind with gusts. The tool of each is touched six times, for 2 s each, with 0.3 to
+3 N from a random direction. Prints for each truth level which part of the touching time is recognised if
+at most 1 % or 5 % of the time without a touch is taken for a touch (from 0.2 s after the begin of a
+touch), and the area under this curve. Without discrimination a touch is an observed force above a
+threshold; with discrimination it is a likelihood above a threshold. Then prints how far the wind alone
+moves the tool, and how far the largest touch moves it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from benchmarks.drawn import drawn
 
 Array = NDArray[np.float64]
 DRAG: dict[str, object] = {"rotor_drag": 2.3e-4, "drag_area": [0.03, 0.03, 0.08]}
-"""The model's drag: the means of the truth's."""
+"""The model's drag: the mean values of the truth."""
 AIR: dict[str, object] = {
     "rotor_drag": {"mean": 2.3e-4, "std": 0.2e-4},
     "drag_area": [0.03, 0.03, 0.08],
@@ -33,11 +34,11 @@ AIR: dict[str, object] = {
 TOUCHES, LASTS, GAP, FIRST = 6, 2.0, 4.0, 14.0
 DURATION = FIRST + TOUCHES * (LASTS + GAP)
 ONSET, AFTER = 0.2, 1.0
-"""Times without a label after the begin and after the end of a touch, s: the estimate needs time."""
+"""Times after the begin and after the end of a touch that have no label, s: the estimate needs time."""
 
 
 def touches(seed: int) -> list[dict[str, Any]]:
-    """Six touches, of sizes whose logarithm is uniform."""
+    """Six touches whose magnitudes are distributed uniformly in the logarithm."""
     random = np.random.default_rng(seed)
     found = []
     for k in range(TOUCHES):
@@ -62,7 +63,7 @@ def fly(level: str, seed: int, *, told: bool, touched: bool, vehicle: tilthex.Ve
 
 
 def labels(time: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """When the tool is touched, and when it surely is not."""
+    """The times at which the tool is touched, and those at which it certainly is not."""
     begins = FIRST + (LASTS + GAP) * np.arange(TOUCHES)
     since = time[:, None] - begins
     touching = ((since > ONSET) & (since < LASTS)).any(axis=1)
@@ -71,7 +72,8 @@ def labels(time: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
 
 
 def rates(touching: Array, free: Array) -> tuple[float, float, float]:
-    """Part of the touching time above the threshold that 1 % and 5 % of the free time exceed; the area."""
+    """Part of the touching time above the thresholds that 1 % and 5 % of the free time exceed, and the
+    area."""
     at = [float(np.mean(touching > np.quantile(free, 1.0 - part))) for part in (0.01, 0.05)]
     order = np.sort(free)
     below = np.searchsorted(order, touching, side="left"), np.searchsorted(order, touching, side="right")

@@ -1,10 +1,11 @@
-"""The predicted border of stable contact against flown contact: `python -m benchmarks.contact_stability`.
+"""Predicted and flown borders of stable contact: `python -m benchmarks.contact_stability`.
 
-Each case draws a vehicle, its delays, observer, admittance, and a surface: direction and damping. The model
-(`tilthex.LoopModel`) predicts the stiffness at which contact stops being stable. The case is then flown at
-0.7 and 1.3 times that stiffness: the controller at 500 Hz and the core's plant, which touches a spring and a
-damper at its tip that hold it both ways, 2 N pressed on it, no noise. A tap must die out below the border and
-grow above it. Where no border is predicted between 0.2 and 50 kN/m, both ends are flown.
+Each case draws a vehicle, its delays, observer, admittance, and a surface with a direction and a damping.
+The model (`tilthex.LoopModel`) predicts the stiffness at which contact stops being stable. The case is
+then flown at 0.7 and 1.3 times that stiffness, with the controller at 500 Hz and the core's plant. Its
+tip is held in both directions by a spring and a damper, presses with 2 N, and there is no noise. A tap
+must die out below the border and grow above it. If no border is predicted between 0.2 and 50 kN/m, both
+ends are flown.
 """
 
 from __future__ import annotations
@@ -22,18 +23,18 @@ SUBSTEPS = 8
 SOFTEST, STIFFEST = 200.0, 50e3
 WITHIN = 0.3
 PRESSED = 2.0
-"""Force on the surface, N: beyond the dead zone."""
+"""Force on the surface, N: above the dead zone."""
 TAP, TAPPED = 3.0, 0.02
-"""When, and for how long, the tool is tapped with a tenth of that force, s."""
+"""Begin and duration, s, of a tap on the tool with a tenth of that force."""
 WINDOWS = (0.1, 1.3, 3.0, 4.2)
-"""From and to, since the tap, over which what it excites is compared, s."""
+"""Begin and end of the two intervals, s since the tap, in which the motion is compared."""
 LARGEST = 30.0
-"""A force, N, that only an unstable contact reaches."""
+"""Only an unstable contact reaches this force, N."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A vehicle against a surface."""
+    """A vehicle in contact with a surface."""
 
     config: tilthex.Config
     delay_ticks: int
@@ -42,7 +43,7 @@ class Case:
 
     @property
     def model(self) -> tilthex.LoopModel:
-        """With the delays that are flown: rotor speeds have no age."""
+        """The configuration with the delays of the flight: rotor speeds have no age."""
         return tilthex.LoopModel(self.config, rotor_speed_age=0.0)
 
 
@@ -83,7 +84,7 @@ def draw(seed: int) -> Case:
 
 
 def grows(case: Case, stiffness: float) -> bool:
-    """Whether a flown contact of this stiffness shakes more and more."""
+    """Whether the oscillation of a flown contact with this stiffness grows."""
     controller = tilthex.Controller(case.config.vehicle, case.config)
     plant = tilthex.Plant(case.config.vehicle, [0.0, 0.0, 2.0])
     start, normal = plant.tool_position, case.direction
@@ -108,7 +109,7 @@ def grows(case: Case, stiffness: float) -> bool:
         for _ in range(SUBSTEPS):
             speed = plant.velocity + plant.rotation @ np.cross(plant.angular_velocity, lever)
             depth = normal @ (plant.tool_position - start)
-            # A force that is held over a substep is half of it late.
+            # A force that is constant over a substep acts half a substep late.
             force = -stiffness * (depth + (case.damping_time + 0.5 * dt) * (normal @ speed))
             plant.step(command, tool_wrench=[*((force + tap) * normal), 0.0, 0.0, 0.0], dt=dt)
         if abs(force) > LARGEST or not np.isfinite(force):
@@ -122,7 +123,7 @@ def grows(case: Case, stiffness: float) -> bool:
 
 
 def judge(case: Case) -> tuple[float, list[tuple[float, bool, bool]]]:
-    """The predicted border, N/m, and what was flown: stiffness, whether it should grow, whether it did."""
+    """The predicted border, N/m, and the flights: stiffness, whether it should grow, whether it grew."""
     found = case.model.contact(along=case.direction, damping_time=case.damping_time)
     border = found[0][1] if found and found[0][0] == 0.0 else 0.0
 
@@ -130,7 +131,8 @@ def judge(case: Case) -> tuple[float, list[tuple[float, bool, bool]]]:
         return any(low <= stiffness < high for low, high in found)
 
     if SOFTEST < border < STIFFEST:
-        # Just above the border another stable range may begin: what is flown there is unstable.
+        # Another stable range may begin just above the border; a flight there must still be
+        # unstable.
         stiffnesses = [(1 - WITHIN) * border]
         if not holds((1 + WITHIN) * border):
             stiffnesses.append((1 + WITHIN) * border)
@@ -140,7 +142,7 @@ def judge(case: Case) -> tuple[float, list[tuple[float, bool, bool]]]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Prints a table and how many cases agree."""
+    """Prints a table, and the number of cases that agree."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=100)
     parser.add_argument("--first", type=int, default=8000, help="the first case's seed")

@@ -10,7 +10,7 @@ import tilthex
 
 @dataclass(frozen=True)
 class Drawn:
-    """Which vehicles fly: a model, the truth levels that vehicles are drawn from, and seeds."""
+    """The vehicles that fly: a model, the truth levels from which they are drawn, and seeds."""
 
     vehicle: tilthex.Vehicle
     truths: list[str]
@@ -18,7 +18,7 @@ class Drawn:
 
 
 def drawn(description: str | None) -> Drawn:
-    """What the command line names."""
+    """Parses the command line."""
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )

@@ -1,4 +1,4 @@
-"""A plain error-state Kalman filter without a gate: what the estimator is measured against.
+"""A plain error-state Kalman filter without a gate, with which the estimator is compared.
 
 It was written from Solà, "Quaternion kinematics for the error-state Kalman filter" (2017), with the error of
 the rotation in body axes and a covariance by linearisation. It takes every pose, at the time at
@@ -32,7 +32,7 @@ class Noise:
 
 @dataclass
 class State:
-    """Mean, covariance over (p, v, body-axis rotation, gyro bias, accelerometer bias), and when."""
+    """Mean, covariance over (p, v, body-axis rotation, gyro bias, accelerometer bias), and time."""
 
     time: float
     position: Array
@@ -67,7 +67,7 @@ def exp(v: Array) -> Array:
 
 
 def log(r: Array) -> Array:
-    """Rotation vector of a turn below half a turn."""
+    """Rotation vector of a rotation by less than 180 deg."""
     v = 0.5 * np.array([r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]])
     sine = np.sqrt(v @ v)
     if sine < 1e-9 and np.trace(r) > 0:
@@ -89,7 +89,7 @@ class Eskf:
         self.state = State(time, position, zero, rotation, zero, zero, covariance)
 
     def predict(self, gyro: Array, force: Array, time: float) -> None:
-        """Moves on to `time` with constant readings."""
+        """Moves to `time` with constant readings."""
         s, n = self.state, self.noise
         dt = time - s.time
         if dt <= 0:
@@ -146,11 +146,11 @@ class Eskf:
 def run(recording: Recording, noise: Noise, *, latency: float = 0.0) -> Track:
     """Runs over a recording of an IMU whose own poses are captured, as `Ukf.run` does.
 
-    A pose that comes late goes back to the samples before it; what follows is predicted again.
+    For a late pose it goes back to the samples before it, and predicts the samples after it again.
     """
     time, n = recording.imu_time, len(recording.imu_time)
     gyro, force = recording.gyro.copy(), recording.specific_force.copy()
-    # Between two samples the readings count as their mean.
+    # Between two samples the filter uses the mean of the readings.
     gyro[1:], force[1:] = 0.5 * (gyro[1:] + gyro[:-1]), 0.5 * (force[1:] + force[:-1])
     taken = recording.pose_time - latency
     order = list(np.argsort(recording.pose_arrival_time, kind="stable"))

@@ -1,11 +1,11 @@
-"""What the wrench observer reports where nothing touches a vehicle that is not its model.
+"""The wrench that the observer reports without contact, for vehicles that differ from their model.
 
     python -m benchmarks.false_contact --seeds 40
 
-Hovers drawn vehicles, with the estimator in the loop and the experiments' noise: level, tilted, tilted
-after a first level hover whose mean wrench was taken as the bias (`[mission] bias_time`), and tilted after
-the calibration flight (`[mission] calibration`). Prints a table of the mean wrench at the tool over the last
-seconds of each hover: median, 90th percentile and largest of all.
+Hovers drawn vehicles, with the estimator in the loop and the noise of the experiments: level, tilted,
+tilted after a first level hover whose mean wrench was taken as the bias (`[mission] bias_time`), and
+tilted after the calibration flight (`[mission] calibration`). Prints a table of the mean wrench at the
+tool over the last seconds of each hover: median, 90th percentile and largest of all.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from benchmarks.drawn import drawn
 
 Array = NDArray[np.float64]
 HELD = 14.0
-"""A hover lasts so long, s: the estimator's biases settle in the first half."""
+"""Duration of a hover, s: the estimator's biases settle in the first half."""
 COUNTED = 4.0
-"""Of its end so much is counted, s."""
+"""Duration of the end of a hover that is used, s."""
 BEFORE = {"air": 0.0, "none": 14.0, "hover": 24.0, "tilts": 42.0}
-"""Take-off and calibration are over by then, s; "air" does without."""
+"""Time at which take-off and calibration are over, s; "air" has neither."""
 
 
 def tilted(seed: int, degrees: float) -> Array:
-    """A tilt about a horizontal axis of a direction of its own for every seed."""
+    """A tilt about a horizontal axis whose direction depends on the seed."""
     direction = np.random.default_rng(seed).uniform(-np.pi, np.pi)
     rotation: Array = so3.exp(np.radians(degrees) * np.array([np.cos(direction), np.sin(direction), 0.0]))
     return rotation

@@ -1,4 +1,4 @@
-"""Vehicles drawn from *cad* fly `tilthex excite`: what `tilthex fit` finds, and whether its deviations hold.
+"""Vehicles drawn from *cad* fly `tilthex excite`: errors of `tilthex fit`, compared with its deviations.
 
     python -m benchmarks.identify [FIRST] [COUNT]
 
@@ -18,7 +18,7 @@ MODEL = tilthex.Vehicle.preset("tilt-hex")
 
 
 def sensed(run: tilthex.simulation.Run) -> Flight:
-    """A simulated flight as its sensors had it; the first second is left out."""
+    """A simulated flight as its sensors measured it, without the first second."""
     time = run["time"][:, 0]
     rotation = run["estimated_rotation"].reshape(-1, 3, 3)
     velocity = np.einsum("nji,nj->ni", rotation, run["estimated_velocity"])
@@ -43,7 +43,7 @@ def truth(seed: int) -> dict[str, float]:
 
 
 def main() -> None:
-    """Prints one line a figure."""
+    """Prints one line per figure."""
     first, count = (int(text) for text in [*sys.argv[1:], *["7000", "24"][len(sys.argv) - 1 :]])
     config = tilthex.Config.default(MODEL)
     way = trajectory(MODEL, [0, 0, 1])

@@ -1,9 +1,10 @@
-"""Instructions of the core's step functions, by valgrind: they do not depend on the machine's mood.
+"""Counts the instructions of the core's step functions with valgrind; the counts do not depend on the
+load.
 
     python -m benchmarks.instructions
 
-Builds `examples/instructions.rs` of the core and runs each step function some times under callgrind; what
-setting up costs is in two runs of different length, and falls out of their difference.
+Builds `examples/instructions.rs` of the core and runs each step function under callgrind, in two runs of
+different length. The difference of their counts does not contain the set-up.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ SHORT, LONG = 200, 700
 
 
 def build() -> None:
-    """Builds the program; cargo's target directory is the usual one."""
+    """Builds the program in cargo's usual target directory."""
     command = ["cargo", "build", "--release", "--locked", "--quiet", "-p", "tilthex-core", "--example"]
     subprocess.run([*command, "instructions"], cwd=ROOT, check=True)
 
 
 def names() -> list[str]:
-    """The step functions that it knows."""
+    """The step functions that the program knows."""
     return subprocess.run([PROGRAM], check=True, capture_output=True, text=True).stdout.splitlines()
 
 
@@ -47,7 +48,7 @@ def instructions(name: str) -> float:
 
 
 def microseconds(name: str, count: int = 200_000, rounds: int = 5) -> float:
-    """Time of one step: the least of some rounds, less what setting up costs."""
+    """Time of one step, us: the least of some rounds, without the set-up."""
 
     def least(number: int) -> float:
         times = []

@@ -1,6 +1,6 @@
 """`python -m benchmarks.lexicographic`: the allocator against quadratic programs solved level by level.
 
-Random vehicles and wrenches; the reference is quadprog, once and again for each priority.
+Random vehicles and wrenches. The reference is quadprog, called once or more for each priority.
 """
 
 from __future__ import annotations
@@ -29,10 +29,11 @@ def errors(vehicle: tilthex.Vehicle, wanted: np.ndarray, inputs: np.ndarray) -> 
 
 
 def least_errors(vehicle: tilthex.Vehicle, wanted: np.ndarray) -> tuple[np.ndarray, bool]:
-    """The same of the best inputs, by one quadratic program a level; and whether quadprog solved them all.
+    """The same errors for the best inputs, by one quadratic program per level; and whether quadprog
+    solved all of them.
 
-    A level's Hessian is singular: quadprog gets it with a proximal term, again
-    and again from the last solution, which converges to the exact one.
+    The Hessian of a level is singular. Therefore quadprog gets a proximal term and is called again and
+    again from the last solution, which converges to the exact one.
     """
     limits = vehicle.rotor_speed_limits
     limits = limits * abs(limits)
@@ -70,7 +71,7 @@ def least_errors(vehicle: tilthex.Vehicle, wanted: np.ndarray) -> tuple[np.ndarr
 
 
 def random_vehicle(rng: np.random.Generator) -> tilthex.Vehicle:
-    """A preset, or 4 to 12 rotors anywhere."""
+    """A preset, or 4 to 12 rotors at random places."""
     if rng.random() < 0.5:
         return tilthex.Vehicle.preset(str(rng.choice(tilthex.Vehicle.presets())))
     while True:
@@ -98,7 +99,7 @@ def random_vehicle(rng: np.random.Generator) -> tilthex.Vehicle:
 
 
 def random_wrench(rng: np.random.Generator, vehicle: tilthex.Vehicle) -> np.ndarray:
-    """Some within reach, most beyond it by little or by much."""
+    """Wrenches: some within reach, most of them a little or far beyond it."""
     force = rng.choice([0, 0.1, 0.5, 2]) * vehicle.mass * tilthex.GRAVITY
     torque = rng.choice([0, 0.1, 1, 5])
     carried = Rotation.from_rotvec(rng.choice([0, 0.3, 1]) * rng.normal(size=3)).apply(
@@ -109,15 +110,15 @@ def random_wrench(rng: np.random.Generator, vehicle: tilthex.Vehicle) -> np.ndar
 
 @dataclass
 class Tally:
-    """What came of some problems.
+    """The results of some problems.
 
     Attributes:
-        problems: how many there were.
-        limited: those whose solution has rotors at their limits.
-        refused: those where quadprog refused a program, and the reference is worse for it.
-        different: those that differ in any other way.
-        largest: largest difference of a part's error where neither is, N or N m per `1 + |wrench|`.
-        longest: most steps of a search.
+        problems: Number of problems.
+        limited: Problems whose solution has rotors at their limits.
+        refused: Problems in which quadprog refused a program, so that the reference is worse.
+        different: Problems that differ in any other way.
+        largest: Largest difference of a part's error in all other problems, N or N m per `1 + |wrench|`.
+        longest: Largest number of steps of a search.
     """
 
     problems: int = 0
@@ -137,14 +138,14 @@ class Tally:
 
 
 TOLERANCE = 1e-8
-"""Of a part's error, N or N m per `1 + |wrench|`."""
+"""Allowed difference of a part's error, N or N m per `1 + |wrench|`."""
 
 
 def compare(seed: int, number: int) -> Tally:
-    """Solves random problems both ways.
+    """Solves random problems in both ways.
 
     Raises:
-        ValueError: where a rotor is commanded beyond its limits.
+        ValueError: A rotor is commanded beyond its limits.
     """
     rng = np.random.default_rng(seed)
     tally = Tally(number)
@@ -175,8 +176,8 @@ def compare(seed: int, number: int) -> Tally:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description="Compares the allocator with quadprog on random problems.")
-    parser.add_argument("--number", type=int, default=10_000, help="of problems (default: 10000)")
-    parser.add_argument("--jobs", type=int, default=1, help="processes (default: 1)")
+    parser.add_argument("--number", type=int, default=10_000, help="number of problems (default: 10000)")
+    parser.add_argument("--jobs", type=int, default=1, help="number of processes (default: 1)")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     share = 500

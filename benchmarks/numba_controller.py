@@ -1,7 +1,7 @@
-"""The controller of `numpy_controller` as a plain compiled loop: numba, state inside, nothing allocated.
+"""The controller of `numpy_controller` as a plain loop, compiled with numba: state inside, no allocation.
 
-The strongest thing that is written in Python alone. The same laws; the admittance filter takes one
-semi-implicit Euler step, rotor limits are a clip.
+It is the fastest version that can be written in Python alone. It has the same laws, except that the
+admittance filter takes one semi-implicit Euler step, and that rotor limits are a clip.
 """
 
 from __future__ import annotations
@@ -225,5 +225,5 @@ class Controller:
         return self.command.copy()
 
     def ticks(self, count, p, v, r, w, s, speeds, p_d, r_d, dt):
-        """`count` ticks with the same measurements."""
+        """Runs `count` ticks with the same measurements."""
         ticks(count, self.vehicle, self.shape, self.memory, p, v, r, w, s, speeds, p_d, r_d, dt, self.command)

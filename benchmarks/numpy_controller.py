@@ -1,4 +1,4 @@
-"""The controller and the plant as one would write them in NumPy: clear, and without tricks."""
+"""The controller and the plant as one would write them in NumPy: clear and without optimisation."""
 
 from __future__ import annotations
 

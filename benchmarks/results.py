@@ -1,7 +1,7 @@
 """`make results`: runs what `docs/results` shows and writes it, with date, machine and commit.
 
-Each page is what a command printed, nothing typed by hand. `python -m benchmarks.results NAME ...` writes
-some pages alone; `--list` names them. All of them take about three hours on two cores.
+Each page is the output of commands; nothing is typed by hand. `python -m benchmarks.results NAME ...`
+writes some of the pages; `--list` lists their names. All of them take about three hours on two cores.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ PAGES = (
 
 
 def main() -> None:
-    """Writes the pages that are named, or all."""
+    """Writes the pages with the given names, or all pages."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("name", nargs="*", help="pages to write (default: all)")
     parser.add_argument("--list", action="store_true", help="name the pages and end")
@@ -173,7 +173,7 @@ def _git(*arguments: str) -> str:
 
 
 def _output(command: str) -> str:
-    """What a command prints, without progress bars; its exit status where that is not 0."""
+    """The output of a command, without progress bars, and its exit status if that is not 0."""
     path = str(Path(sys.executable).parent) + os.pathsep + os.environ.get("PATH", "")
     done = subprocess.run(
         command,

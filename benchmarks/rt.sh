@@ -1,6 +1,7 @@
 #!/bin/sh
-# The loop's timing on this machine, beside a thread that only sleeps (same priority, period and processor): idle,
-# beside compilers and disk writes on every processor, and beside stress-ng.
+# Measures the loop's timing on this machine, and that of a thread that only sleeps (same priority,
+# period and processor): idle, with compilers and disk writes on every processor, and with
+# stress-ng.
 # Usage: benchmarks/rt.sh [seconds a run] [idle|compile|stress ...]
 set -eu
 seconds=${1:-20}
@@ -20,11 +21,12 @@ out=$(mktemp -d)
 trap 'unload; kill $(jobs -p) 2> /dev/null || true; rm -rf "$out"' EXIT
 load=
 
-# A real vehicle does not wait for this computer's processors: neither does the simulated one, where that is allowed.
+# A real vehicle does not wait for the processors of this computer. Give the simulated one priority
+# where that is allowed.
 first=
 chrt --fifo 20 true 2> /dev/null && first="chrt --fifo 20"
 
-# Starts a load in a session of its own, so that it ends with all of its processes.
+# Starts a load in its own session, so that it ends with all of its processes.
 load() {
     setsid sh -c "$1" > /dev/null 2>&1 &
     load=$!
@@ -37,11 +39,12 @@ unload() {
 
 measure() {
     echo "== $1"
-    # The vehicle is a program of its own, as the real one is; no terminal's work queue stands between.
+    # The vehicle is its own program, as a real one is its own machine; a socket avoids the
+    # terminal's work queue.
     $first "$vehicle" --socket "$out/vehicle" --mocap natnet://127.0.0.1:15110/1 > "$out/sim" 2>&1 &
     simulated=$!
     sleep 1
-    # The sleeping thread wakes half a period apart: what the machine takes, it takes from both.
+    # The sleeping thread wakes half a period later, so that the machine disturbs both equally.
     "$program" --reference --port "unix:$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --no-battery-limits --take-off --duration "$seconds" --log "$out/flight.mcap" \
         --control 127.0.0.1:0 > "$out/rt" 2> "$out/warnings" &
     flight=$!
@@ -64,7 +67,7 @@ for run in $runs; do
     case $run in
     idle) measure idle ;;
     compile)
-        # Whatever is compiled elsewhere is left alone.
+        # Other compilers on the machine are not stopped.
         load "while true; do rm -rf $out/build; cargo build --workspace --locked --quiet --target-dir $out/build; done"
         measure "beside cargo build of the workspace, in a loop"
         ;;

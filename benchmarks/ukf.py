@@ -1,4 +1,4 @@
-"""The estimator beside the same filter in NumPy and in filterpy: accuracy and time of one run.
+"""Compares the estimator with the same filter in NumPy and in filterpy: accuracy and time of one run.
 
 python -m benchmarks.ukf
 """
@@ -41,12 +41,13 @@ def compare(
     fed: tuple[tuple[Array, Array, Array], Array, Array, Array],
     truth: tuple[Array, Array],
 ) -> None:
-    """Prints a row a filter.
+    """Prints one row per filter.
 
     Args:
         config: The configuration; its gate is opened and its initial deviations are the default ones.
-        fed: Samples (time, gyro, specific force); at which of them a pose lies, its position and rotation.
-        truth: At which samples a position is known, and these positions.
+        fed: Samples (time, gyro, specific force); the indices of the samples with a pose, its position
+        and rotation.
+        truth: The indices of the samples with a known position, and these positions.
     """
     imu, places, position, rotation = fed
     noise = noise_of(config)

@@ -1,11 +1,12 @@
-"""The estimator beside a plain ungated error-state filter (`benchmarks/eskf.py`) where noises do not match.
+"""Compares the estimator with an error-state filter without a gate (`benchmarks/eskf.py`) under wrong
+noises.
 
     python -m benchmarks.ungated
 
-Recordings are made up after those of a hexarotor (EuRoC): an IMU at 200 Hz on a vibrating frame, poses at
-20 or 10 Hz, at times late, with gaps, with an IMU that has a scale error, is misaligned or late, or is
-tapped. Both filters get the same noises, the default ones. Seeds below 100 were used while the
-estimator was tuned, those from 1000 on are what is reported.
+The recordings are synthetic and follow those of a hexarotor (EuRoC): an IMU at 200 Hz on a vibrating
+frame, and poses at 20 or 10 Hz, some of them late or with gaps. The IMU may have a scale error, be
+misaligned or late, or be tapped. Both filters get the same noises, which are the default ones. Seeds
+below 100 tuned the estimator; seeds from 1000 on give the reported values.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ Pair = tuple[PoseErrors, PoseErrors]
 
 @dataclass(frozen=True)
 class Cell:
-    """What is made up: the poses, the trouble, and by how much true noises are those that are assumed."""
+    """A synthetic recording: the poses, the disturbances, and the ratios of true to assumed noises."""
 
     name: str
     pose_every: int = 10
@@ -70,7 +71,7 @@ CELLS = (
 
 
 class Motion:
-    """A sum of sines in position and rotation that starts at rest, and taps that jolt it."""
+    """A sum of sines in position and rotation that starts at rest, and taps."""
 
     def __init__(self, seed: int, cell: Cell, seconds: float) -> None:
         random = np.random.default_rng(seed)
@@ -88,7 +89,7 @@ class Motion:
         self.jolt = harder * random.normal(0, 60, (count, 3)), harder * random.normal(0, 100, (count, 3))
 
     def taps(self, time: Array, jolt: Array) -> tuple[Array, Array]:
-        """Displacement by half sines of acceleration and back again; and its second derivative."""
+        """Displacement by half sines of acceleration and back, and its second derivative."""
         k = 5.0
         moved, pushed = np.zeros((len(time), 3)), np.zeros((len(time), 3))
         for begin, length, size in zip(self.begin, self.length, jolt, strict=True):
@@ -125,7 +126,7 @@ class Motion:
 
 
 def blurred(moving: Motion, time: Array) -> tuple[Array, Array]:
-    """Rate and specific force of sensors that follow with a lag of 1 ms: no blow falls between samples."""
+    """Rate and specific force of sensors with a lag of 1 ms, so that no tap falls between two samples."""
     fine = 8
     at = np.arange(len(time) * fine) * (time[1] - time[0]) / fine
     rate, acceleration = moving.inertial(at)
@@ -136,7 +137,7 @@ def blurred(moving: Motion, time: Array) -> tuple[Array, Array]:
 
 
 def recording(cell: Cell, seed: int, noise: eskf.Noise, seconds: float = 40.0) -> tuple[Recording, Recording]:
-    """What is fed, and the truth at every inertial sample."""
+    """The inputs of the filters, and the true values at every inertial sample."""
     random = np.random.default_rng(seed)
     time = np.arange(0, seconds, 1 / cell.rate)
     n = len(time)
@@ -169,7 +170,7 @@ def recording(cell: Cell, seed: int, noise: eskf.Noise, seconds: float = 40.0) -
 
 
 def config(keys: dict[str, float] | None = None) -> tilthex.Config:
-    """A robot that is nothing but its IMU."""
+    """A robot that consists only of its IMU."""
     default = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
     mounting = {"imu_position": [0, 0, 0], "imu_rotation_deg": [0, 0, 0]}
     return default.replace(vehicle=mounting, estimator=keys or {})
@@ -204,10 +205,12 @@ def row(name: str, found: list[Pair]) -> str:
 
 def main() -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description="the estimator beside an ungated error-state filter")
+    parser = argparse.ArgumentParser(
+        description="compares the estimator with an error-state filter without a gate"
+    )
     parser.add_argument("--seed", type=int, default=1000, help="seed of the first recording")
-    parser.add_argument("--runs", type=int, default=2, help="recordings a row")
-    parser.add_argument("--only", default="", help="rows whose name holds this")
+    parser.add_argument("--runs", type=int, default=2, help="number of recordings per row")
+    parser.add_argument("--only", default="", help="only rows whose name contains this text")
     arguments = parser.parse_args()
     print("| recording | position, mm | ungated | rotation, deg | ungated | ratios |")
     print("|---|---|---|---|---|---|")

@@ -9,8 +9,9 @@
 # %% [markdown]
 # # The wrench observer against a sensor
 #
-# The tool is clamped to a six-axis sensor, and the set-point swings ever faster; the paper's figure
-# 4. An observer of gain L errs by w / sqrt(w^2 + L^2) at the frequency w.
+# The tool is clamped to a six-axis sensor, and the frequency of the set-point rises; the paper's
+# figure 4. At the frequency w, the relative error of an observer with gain L is w / sqrt(w^2 +
+# L^2).
 #
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
@@ -44,7 +45,7 @@ experiment = spec.load("chirp", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
+# Fly with the complete controller and the estimator in the loop, and compare with the requirements.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]

@@ -9,9 +9,9 @@
 # %% [markdown]
 # # Sliding with several contacts
 #
-# A plate with two ledges: one, two, then three contacts, and saw-tooth forces asked of the tool by
-# the set-point's wrench; the paper's figures 13 and 14. The estimate is compared with MuJoCo's own
-# contact force, dotted.
+# A plate with two ledges: one, two, then three contacts. The wrench of the set-point demands
+# saw-tooth forces of the tool; the paper's figures 13 and 14. The estimate is compared with
+# MuJoCo's own contact force, dotted.
 #
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
@@ -42,7 +42,7 @@ experiment = spec.load("multi-contact", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
+# Fly with the complete controller and the estimator in the loop, and compare with the requirements.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]

@@ -9,9 +9,9 @@
 # %% [markdown]
 # # Peg in hole
 #
-# The tool descends as if the funnel stood upright, is turned by the contact, slides down the tube,
-# and comes out again; the paper's figure 12. Nothing in the chain knows the tilt. See
-# docs/experiments.md for why it works.
+# The tool descends as if the funnel stood upright, is rotated by the contact, slides down the tube,
+# and comes out again; the paper's figure 12. The controller does not know the tilt.
+# docs/experiments.md explains why it works.
 #
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
@@ -43,7 +43,7 @@ experiment = spec.load("peg-in-hole", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
+# Fly with the complete controller and the estimator in the loop, and compare with the requirements.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]

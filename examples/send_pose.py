@@ -2,7 +2,7 @@
 
     python examples/send_pose.py [HOST[:PORT]] [BODY]
 
-Replace `pose` by what your tracking system says.
+Replace `pose` by the output of your tracking system.
 """
 
 import itertools

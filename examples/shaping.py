@@ -9,8 +9,9 @@
 # %% [markdown]
 # # Shaping the physical properties
 #
-# A cable pulls at the tool with 1.4 N along x and is then cut. The admittance filter makes the robot
-# answer as a mass-spring-damper of our choice; the paper's figure 7. The ideal response is dotted.
+# A cable pulls at the tool with 1.4 N along x and is then cut. The admittance filter makes the
+# robot behave as a mass-spring-damper with the chosen values; the paper's figure 7. The ideal
+# response is dotted.
 #
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
@@ -42,7 +43,7 @@ experiment = spec.load("shaping", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
+# Fly with the complete controller and the estimator in the loop, and compare with the requirements.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]

@@ -9,9 +9,9 @@
 # %% [markdown]
 # # Sliding on a tilted board
 #
-# The desired path runs through the board and on behind it; the reference stays on the surface. How
-# far the tool slides sideways down the slope follows from the stiffness alone; the paper's figures 8
-# and 10.
+# The desired path goes through the board and continues behind it; the reference stays on the
+# surface. The distance that the tool slides sideways down the slope depends on the stiffness only;
+# the paper's figures 8 and 10.
 #
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
@@ -43,7 +43,7 @@ experiment = spec.load("sliding", short="--full" not in sys.argv)
 print(experiment.text)
 
 # %% [markdown]
-# Fly with the complete chain in the loop, the estimator included, and compare with what is required.
+# Fly with the complete controller and the estimator in the loop, and compare with the requirements.
 
 # %%
 flights = [(run, fly(run)) for run in experiment.runs]

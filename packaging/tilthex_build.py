@@ -1,8 +1,8 @@
 """PEP 517 backend: maturin, plus the two Rust programs in the wheel's scripts.
 
-maturin packs either a library or programs, not both. What lies in the folder
-that `[tool.maturin] data` names goes into the wheel as it is; so this backend
-builds the programs into `scripts` there and leaves the rest to maturin.
+maturin packs either a library or programs, not both. It copies the contents of the folder `[tool.maturin]
+data` into the wheel. So this backend builds the programs into `scripts` of that folder, and leaves the
+rest to maturin.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PROGRAMS = ("tilthex-rt", "tilthex-sim")
 
 
 def build_programs(how: Sequence[str] = ("build",)) -> None:
-    """Builds the programs with a cargo command and leaves them, and nothing else, in DATA/scripts."""
+    """Builds the programs with a cargo command, and leaves only them in DATA/scripts."""
     scripts = DATA / "scripts"
     shutil.rmtree(scripts, ignore_errors=True)
     scripts.mkdir(parents=True)
@@ -41,7 +41,7 @@ def build_programs(how: Sequence[str] = ("build",)) -> None:
 
 
 def _ensure_data() -> None:
-    """Even to write metadata maturin wants the data folder to be there."""
+    """Makes the data folder, which maturin needs even to write metadata."""
     DATA.mkdir(parents=True, exist_ok=True)
 
 
@@ -65,7 +65,7 @@ def build_wheel(
 def build_editable(
     directory: str, settings: dict[str, Any] | None = None, metadata_directory: str | None = None
 ) -> str:
-    """An editable wheel: the Python files stay here, programs and library are built."""
+    """An editable wheel: the Python files stay in place, programs and library are built."""
     build_programs()
     return str(maturin.build_editable(directory, settings, metadata_directory))
 

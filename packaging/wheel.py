@@ -1,7 +1,7 @@
-"""`make wheel`: a manylinux_2_28 wheel with both programs in it, and what two auditors say of it.
+"""`make wheel`: builds a manylinux_2_28 wheel with both programs, and checks it with two auditors.
 
-A plain build asks for the glibc of the machine it was built on, and no index takes it. Zig links
-against the glibc that the tag names; `cargo-zigbuild`, `ziglang`, `auditwheel` and `abi3audit` come
+A plain build needs the glibc of the machine that builds it, and package indexes do not accept it. Zig
+links against the glibc that the tag names. `cargo-zigbuild`, `ziglang`, `auditwheel` and `abi3audit` come
 from the package index.
 """
 
@@ -40,7 +40,7 @@ def _beside(program: str) -> str:
 
 
 def _environment() -> dict[str, str]:
-    """With the programs of this interpreter's environment first on the path: maturin calls cargo-zigbuild."""
+    """The environment with this interpreter's programs first on the path: maturin calls cargo-zigbuild."""
     folder = str(Path(sys.executable).parent)
     return os.environ | {"PATH": folder + os.pathsep + os.environ.get("PATH", "")}
 

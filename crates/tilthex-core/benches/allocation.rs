@@ -1,5 +1,5 @@
-//! The allocator of the Tilt-Hex: no limit active, some, and the slowest of
-//! many random wrenches; the attitude where it turns.
+//! The allocator of the Tilt-Hex: without active limits, with some, and for the slowest of many random wrenches; and
+//! the attitude selector.
 
 #![allow(missing_docs)] // criterion's macros
 
@@ -17,7 +17,7 @@ fn tilt_hex() -> Vehicle {
     examples::tilt_hex().expect("a vehicle")
 }
 
-/// Of many random wrenches that one whose allocation takes longest, by the least of a few runs.
+/// The random wrench whose allocation takes longest, by the least time of a few runs.
 fn slowest(allocator: &Allocator) -> Vector6 {
     let mut random = Random::new(3);
     let mut worst = (None, Vector6::zeros());

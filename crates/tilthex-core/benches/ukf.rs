@@ -13,7 +13,7 @@ use tilthex_core::{
 };
 use unstructured::Points;
 
-/// A filter that has settled on a slow turn.
+/// A filter that has settled in a slow rotation.
 fn settled() -> (Ukf, UkfState, Vector3, Vector3, PoseNoise) {
     let filter = Ukf::new(ProcessNoise::default()).expect("valid");
     let mut state = UkfState::new(Navigation::ORIGIN, &InitialDeviation::default());
@@ -56,7 +56,7 @@ fn ukf(c: &mut Criterion) {
     });
 }
 
-/// What the structure saves: every point of both sets evaluated, on the same state.
+/// The cost without the structure: every point of both sets is evaluated, on the same state.
 fn every_point(c: &mut Criterion) {
     let (_, state, gyro, force, _) = settled();
     let (covariance, noise) = (state.covariance(), ProcessNoise::default());
@@ -72,7 +72,7 @@ fn every_point(c: &mut Criterion) {
     }
 }
 
-/// A tick of 500 Hz with a pose every fifth, as flown: history, gate and output included.
+/// A tick of 500 Hz with a pose in every fifth tick, as in flight: with history, gate and output.
 fn tick(c: &mut Criterion) {
     for (name, latency) in [("estimator tick", 0.0), ("estimator tick, poses 30 ms late", 0.03)] {
         let mut estimator = Estimator::new(EstimatorParams::default()).expect("valid");

@@ -1,7 +1,6 @@
-//! A body in a slow circle, served as a capture system serves it, for trying
-//! out clients: `cargo run --example mocap_server -- natnet 3.0 1510 tilt-hex`,
-//! `-- natnet+multicast 4.1 1510 tilt-hex` or `-- vrpn - 3883 tilt-hex`.
-//! Prints its address, runs until its standard input ends.
+//! Serves a body in a slow circle as a capture system does, to try out clients: `cargo run --example mocap_server --
+//! natnet 3.0 1510 tilt-hex`, `-- natnet+multicast 4.1 1510 tilt-hex` or `-- vrpn - 3883 tilt-hex`. Prints its
+//! address, and runs until its standard input ends.
 
 use std::{
     env, io,

@@ -1,4 +1,4 @@
-//! Cost of a controller tick and of a simulated period: `cargo bench -p tilthex-rt --bench control`.
+//! Cost of a controller tick and of a simulated period: `cargo bench -p tilthex-sim --bench control`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use std::hint::black_box;
