@@ -23,8 +23,8 @@ use tilthex_core::{
 use toml::Table;
 
 section! {
-    /// The pose controller, (14) and (17). Each gain: one number, or one an axis. Where rotors' lag or the link's
-    /// delay leave the default ones too little margin, they are derived (docs/stability.md).
+    /// The pose controller, (14) and (17). Each gain is one number, or one number for each axis. If the rotors' lag or the
+    /// link's delay leave the default gains too little margin, the gains are derived (docs/stability.md).
     pub PoseControlSection as "pose_control" {
         /// K_p2, on the position error, world axes.
         position_gain: Axes<3> = Axes([100.0; 3]) => "1/s^2" from 0.0 to 1e5,
@@ -38,7 +38,8 @@ section! {
 }
 
 section! {
-    /// The wrench observer, (19) and (21). Each gain: one number, or one an axis. Default: likewise.
+    /// The wrench observer, (19) and (21). Each gain is one number, or one number for each axis. If the rotors' lag or the
+    /// link's delay leave the default gains too little margin, the gains are derived (docs/stability.md).
     pub WrenchObserverSection as "wrench_observer" {
         /// L: rate at which the force estimate follows, world axes.
         force_gain: Axes<3> = Axes([30.0; 3]) => "1/s" from 1e-6 to 1e5,
@@ -82,9 +83,9 @@ section! {
 }
 
 section! {
-    /// Wind is not contact: what of the observed wrench is drag in a wind does not move the tool (docs/contact.md).
+    /// Tells wind from contact: the part of the observed wrench that is drag in a wind does not move the tool (docs/contact.md).
     pub ContactSection as "contact" {
-        /// Whether wind is told from contact. Without it, all that is observed at the tool moves it.
+        /// Whether the drag of a wind is separated from contact. If not, the whole observed wrench moves the tool.
         discrimination: bool = false,
         /// Drag of the rotors in the model: force against the airspeed in a rotor's disc, per Hz of its speed.
         rotor_drag: f64 = 0.0 => "N s/m per Hz" from 0.0 to 1.0,
@@ -94,11 +95,11 @@ section! {
         centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
         /// Standard deviation of each component of the wind that may blow.
         wind_deviation: f64 = ContactParams::default().wind.0 => "m/s" from 1e-3 to 50.0,
-        /// Time in which the wind changes by as much.
+        /// Time in which the wind changes by `wind_deviation`.
         wind_time: f64 = ContactParams::default().wind.1 => "s" from 0.1 to 1e4,
         /// Standard deviation of the force that is observed without wind and contact.
         force_noise: f64 = ContactParams::default().noise.0 => "N" from 1e-3 to 10.0,
-        /// Likewise of the torque about the tool.
+        /// Standard deviation of the torque about the tool that is observed without wind and contact.
         torque_noise: f64 = ContactParams::default().noise.1 => "N m" from 1e-4 to 10.0,
         /// Size of the force of a touch.
         touch_force: f64 = ContactParams::default().touch.0 => "N" from 1e-3 to 100.0,
@@ -118,10 +119,10 @@ section! {
 }
 
 section! {
-    /// The attitude that is flown where the lateral force does not suffice (Franchi et al. 2018).
+    /// The attitude of the vehicle if the lateral force does not suffice (Franchi et al. 2018).
     pub AttitudeSection as "attitude" {
-        /// "full": the reference's, turned where the force needs it; "minimal-tilt": level with its heading,
-        /// turned likewise; "zero-tilt": level always; "fixed-tilt": the reference's always.
+        /// "full": the reference's, turned if the force needs it; "minimal-tilt": level with the reference's heading, turned
+        /// if the force needs it; "zero-tilt": always level; "fixed-tilt": always the reference's.
         mode: String = AttitudeMode::default().name().into(),
         /// Part of each rotor's input range, at either end, that hovering leaves for torques.
         reserve: f64 = AttitudeParams::default().reserve => "1" from 0.0 to 0.45,

@@ -62,7 +62,7 @@ impl Reach {
         self.largest(|force| Wrench { force, torque: Vector3::zeros() })
     }
 
-    /// The largest torque, N m, likewise.
+    /// The largest torque, N m, that the level vehicle exerts in the direction in which it exerts most.
     pub(crate) fn largest_torque(&self) -> f64 {
         self.largest(|torque| Wrench { force: Vector3::zeros(), torque })
     }

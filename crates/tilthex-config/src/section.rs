@@ -15,7 +15,7 @@ impl ConfigError {
         Self(sentence.into())
     }
 
-    /// The same, said of a place: a file or a section.
+    /// The error with its place in front: a file or a section.
     pub(crate) fn within(self, place: impl fmt::Display) -> Self {
         Self(format!("{place}: {}", self.0))
     }

@@ -24,9 +24,9 @@ section! {
         /// How much older a measured rotor speed is than an inertial sample that arrives with it. Above 0 the rotors' lag and
         /// the commands bring the speeds to the sample's time; 0 takes them as they come.
         rotor_speed_age: f64 = 0.0 => "s" from 0.0 to 0.05,
-        /// One count of the accelerometer; 0 for what is known of the board.
+        /// One count of the accelerometer; 0 for the known value of the board.
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
-        /// One count of the gyroscope; 0 for what is known of the board.
+        /// One count of the gyroscope; 0 for the known value of the board.
         gyro_scale: f64 = 0.0 => "rad/s" from 0.0 to 1.0,
     }
 }
@@ -76,7 +76,7 @@ section! {
         /// The vehicle does not start, and lands, below this battery voltage; 0 for no limit, which
         /// `tilthex-rt --port` takes only with --no-battery-limits.
         battery_low: f64 = 0.0 => "V" from 0.0 to 100.0,
-        /// Critical battery voltage; 0 likewise.
+        /// Critical battery voltage; 0 for no limit, as for `battery_low`.
         battery_critical: f64 = 0.0 => "V" from 0.0 to 100.0,
         /// Largest distance from the reference.
         max_position_error: f64 = 0.3 => "m" from 0.01 to 10.0,
@@ -88,7 +88,7 @@ section! {
         max_speed: f64 = 3.0 => "m/s" from 0.1 to 100.0,
         /// Largest estimated force on the tool; unless given, what the level vehicle can push.
         max_force: f64 = 40.0 => "N" from 0.1 to 1e3,
-        /// Largest estimated torque on the tool; likewise.
+        /// Largest estimated torque on the tool; unless given, what the level vehicle can exert.
         max_torque: f64 = 5.0 => "N m" from 0.01 to 1e3,
         /// Longest time from the first start command until all motors spin.
         start_timeout: f64 = 30.0 => "s" from 1.0 to 300.0,

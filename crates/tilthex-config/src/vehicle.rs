@@ -269,8 +269,8 @@ fn vehicle_of_text(text: &str) -> Result<Table, ConfigError> {
     }
 }
 
-/// Puts the keys of `preset` or `file` under those that stand beside it.
-/// `seen` are the files on the way here.
+/// Adds the keys of `preset` or `file`; keys beside them win.
+/// `seen` are the files that have led to this table.
 fn resolve(mut table: Table, folder: &Path, seen: &mut Vec<PathBuf>) -> Result<Table, ConfigError> {
     let here = |e: ConfigError| e.within("[vehicle]");
     let (mut base, folder) = match (table.remove("preset"), table.remove("file")) {

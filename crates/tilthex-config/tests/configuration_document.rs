@@ -1,5 +1,5 @@
 //! `docs/configuration.md` holds every key that the code declares.
-//! `TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-config --test configuration_document` writes it anew.
+//! `TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-config --test configuration_document` writes it.
 
 use std::{fmt::Write as _, path::Path};
 use tilthex_config::{Config, described};

@@ -19,8 +19,8 @@ pub struct ClockParams {
     pub drift: f64,
     /// A stamp that differs from the expected one by more, s, is suspect.
     pub jump: f64,
-    /// When all stamps were suspect for this long, s, the clock was set anew. A
-    /// host that was held up reads late stamps too, but all at once.
+    /// If all stamps are suspect for this time, s, the remote clock was set to another time. (A host that was
+    /// stopped also reads late stamps, but all of them at once.)
     pub patience: f64,
 }
 
@@ -41,7 +41,7 @@ pub enum ClockEvent {
     Expected,
     /// Too early or too late; the clock did not move.
     Suspect,
-    /// Stamps were suspect for too long: the clock starts anew from this one.
+    /// Stamps were suspect for too long: the clock restarts from this one.
     Reset,
 }
 
@@ -111,7 +111,7 @@ impl ClockSync {
         self.anchor.map(|anchor| self.aged(&anchor, remote))
     }
 
-    /// How often the clock started anew.
+    /// How often the clock has restarted.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets
@@ -146,7 +146,7 @@ impl ClockSync {
         Stamp { time: (remote + expected).min(arrival), event: ClockEvent::Suspect }
     }
 
-    /// Starts anew from a stamp that arrives now, as after a silence in which the remote clock may have been set.
+    /// Restarts from a stamp that arrives now, as after a silence in which the remote clock may have been set.
     pub fn restart(&mut self, remote: f64, arrival: f64) -> Stamp {
         self.resets = self.resets.saturating_add(1);
         self.anchor = None;

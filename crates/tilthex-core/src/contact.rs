@@ -36,10 +36,10 @@ const LEARNS: f64 = -1.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;
 
-/// How wind is told from contact.
+/// How wind and contact are distinguished.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactParams {
-    /// Whether it is; otherwise all that is observed counts as contact.
+    /// Whether they are distinguished. If not, the whole observed wrench counts as contact.
     pub discrimination: bool,
     /// Drag of the rotors.
     pub rotor_drag: RotorDrag,
@@ -73,10 +73,10 @@ impl Default for ContactParams {
 }
 
 impl ContactParams {
-    /// The same, checked.
+    /// Checks the parameters.
     ///
     /// # Errors
-    /// Names what is out of range.
+    /// The error names the parameter that is out of range.
     pub fn checked(self) -> Result<Self, Error> {
         check_range("rotor_drag", self.rotor_drag.drag, 0.0, 1.0)?;
         for area in self.body_drag.area_r.iter() {

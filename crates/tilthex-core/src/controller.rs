@@ -51,7 +51,7 @@ pub struct ControllerParams {
     /// Largest torque about the tool's axis that turns the reference to where the rotors have
     /// more room, N m; 0 for none.
     pub room_torque: f64,
-    /// How wind is told from contact.
+    /// How wind and contact are distinguished.
     pub contact: ContactParams,
     /// How a wrench set-point moves the tool where nothing resists it.
     pub free_wrench: FreeWrenchParams,

@@ -1,27 +1,27 @@
 //! `docs/faults.md` holds the table of faults that the code uses.
-//! `TILTHEX_WRITE_DOCS=1 cargo test --test faults_document` writes it anew.
+//! `TILTHEX_WRITE_DOCS=1 cargo test --test faults_document` writes it.
 
 use std::fmt::Write as _;
 use tilthex_core::supervisor::{Reaction, TABLE};
 
 const HEAD: &str = "# Faults and reactions
 
-Every fault that the supervisor knows: how it is seen, for how long it must last before it counts, for how
-long it must be gone before it is over, and what is done. This page is written from `supervisor::TABLE` and `supervisor::limits`, which
-the code uses (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-core --test faults_document`); a test compares the two. The number
-of a fault is its bit in logs.
+This page lists every fault that the supervisor knows: the condition by which it is recognised, for how long the condition must last
+before the fault counts, for how long the condition must be absent before the fault is over, and the reactions. The page is written from
+`supervisor::TABLE` and `supervisor::limits`, which the code uses (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-core --test
+faults_document`); a test compares the two. The number of a fault is its bit in logs.
 
-- **note**: counted and logged; a substitute stands in where one is named.
-- **refuse**: on the ground, the motors do not start, or stop.
-- **hold**: the mission's clock slows to a stop, and goes on when the fault is over.
-- **land**: straight down from the reference, turning level; is not taken back.
-- **descend**: level attitude and a constant rate of descent on IMU and model, without a position; where the speed is not
-  known either, with a little less thrust than the weight; back to *land* when the position returns.
+- **note**: the fault is counted and logged; the remark names a substitute, if there is one.
+- **refuse**: on the ground, the motors do not start, or they stop.
+- **hold**: the mission's clock slows down and stops; it continues when the fault is over.
+- **land**: straight down from the reference, while the vehicle turns level; the supervisor does not take it back.
+- **descend**: level attitude and a constant rate of descent with IMU and model, without a position. If the speed is not known either,
+  the thrust is a little less than the weight. When the position returns, the reaction is *land* again.
 
-Where several faults last, the reaction that stands furthest down in this list is taken. Motors stop only when the ground carries the
-vehicle (`flight/landing.rs` says by what signs), or on the operator's explicit kill. When the program itself dies, the
-vehicle's own watchdog takes the rotors to their lowest speed (the vehicle falls) and disarms later: nothing on the base PC
-can mend that, so the process must not die; see the real-time notes in [loop.md](loop.md).
+If several faults are active, the reaction that is furthest down in this list is taken. Motors stop only when the ground carries the
+vehicle (`flight/landing.rs` lists the signs), or by the order `kill`. If the program itself ends in flight, the vehicle's own watchdog
+takes the rotors to their lowest speed, so that the vehicle falls, and disarms later. Nothing on the base PC can prevent this. Therefore
+the program must not die: see the real-time notes in [loop.md](loop.md).
 
 | number | fault | seen by | after | over after | on the ground | in flight | remark |
 |---|---|---|---|---|---|---|---|

@@ -29,7 +29,7 @@ impl EchoClock {
 
     /// Takes an answer: `remote` (s, its clock) to a question of `asked`, which came at `answered` (s, ours).
     /// One that comes before its question or is not finite changes nothing.
-    /// Returns whether the remote clock was set anew since the last answer.
+    /// Returns whether the remote clock was set to another time since the last answer.
     pub fn step(&mut self, asked: f64, remote: f64, answered: f64) -> bool {
         let answer = Answer {
             offset: 0.5 * (asked + answered) - remote,
@@ -59,7 +59,7 @@ impl EchoClock {
         self.best.map(|best| (remote + best.offset, self.aged(&best, now).uncertainty))
     }
 
-    /// How often the remote clock was found set anew.
+    /// How often the remote clock was set to another time.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets

@@ -1,5 +1,5 @@
 //! docs/log.md and the types of the Python client are those of the declared values; old logs keep their meaning.
-//! `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test log_document` writes both anew.
+//! `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test log_document` writes both.
 
 use std::fmt::Write as _;
 

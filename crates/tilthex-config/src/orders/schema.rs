@@ -1,5 +1,5 @@
 //! `docs/schema/orders.json`: a JSON Schema of every line that the control socket takes.
-//! `TILTHEX_WRITE_DOCS=1 cargo test --workspace --lib orders::schema` writes it anew.
+//! `TILTHEX_WRITE_DOCS=1 cargo test --workspace --lib orders::schema` writes it.
 
 use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
 use serde_json::{Map, Value, json};

@@ -36,7 +36,7 @@ pub(super) struct WaypointText {
     position: [f64; 3],
     /// Row by row; maps tool coordinates to world coordinates.
     rotation: Option<[[f64; 3]; 3]>,
-    /// The same, scalar last.
+    /// The rotation as a quaternion, scalar last.
     quaternion_xyzw: Option<[f64; 4]>,
     /// Degrees: about z, then the new y, then the new x.
     yaw_pitch_roll_deg: Option<[f64; 3]>,

@@ -87,9 +87,9 @@ section! {
         position: Option<f64> = None => "m",
         /// Noise of captured orientations.
         orientation: Option<f64> = None => "rad",
-        /// Noise of the gyroscope, a sample.
+        /// Noise of a gyroscope sample.
         gyro: Option<f64> = None => "rad/s",
-        /// Noise of the accelerometer, a sample.
+        /// Noise of an accelerometer sample.
         accelerometer: Option<f64> = None => "m/s^2",
         /// Noise of the rotor speeds.
         rotor_speed: Option<f64> = None => "Hz",
@@ -99,7 +99,7 @@ section! {
         accelerometer_bias: Axes<3> = Axes([0.0; 3]) => "m/s^2",
         /// Relative error of the gyroscope's scale, IMU axes.
         gyro_scale: Axes<3> = Axes([0.0; 3]) => "1",
-        /// Turn of the gyroscope's axes against the IMU's.
+        /// Small rotation of the gyroscope's axes relative to the IMU's.
         gyro_misalignment: Axes<3> = Axes([0.0; 3]) => "rad",
         /// Vibration of the IMU by one rotor at 100 Hz; it grows with the square of the speed.
         vibration: f64 = 0.0 => "m/s^2" from 0.0 to 1000.0,

@@ -108,11 +108,11 @@ impl<B: Block> Pair<B> {
 pub(super) struct Propagator<B> {
     /// h, s.
     pub period: f64,
-    /// `h phi_1`, for what is constant over the period.
+    /// `h phi_1`, for an input that is constant over the period.
     pub constant: Pair<B>,
-    /// `h phi_2`, for what grows from nothing with the time to this at the end.
+    /// `h phi_2`, for an input that grows linearly from zero to its value at the end of the period.
     pub linear: Pair<B>,
-    /// `2 h phi_3`, likewise with the time squared.
+    /// `2 h phi_3`, for an input that grows with the square of the time from zero to its value at the end.
     pub squared: Pair<B>,
     /// Whether the period shows how the rotational spring bends: within it, the spring undoes at
     /// most [`SHOWN`] of a turn.

@@ -18,7 +18,7 @@ const NO_EFFECT: f64 = 1e-12;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Levels {
     rows: [[f64; MAX_ROTORS]; ROWS],
-    /// Where each row stands in the wrench.
+    /// The index of each row in the wrench.
     order: [usize; ROWS],
     ends: [usize; 4],
     count: usize,

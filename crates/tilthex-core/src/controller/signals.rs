@@ -32,9 +32,9 @@ pub struct ControllerState {
 }
 
 impl ControllerState {
-    /// Goes over to another model of the vehicle without a jump of what the rotors are asked for: what the new
-    /// model explains of the present sample is no longer observed as an external wrench. A bias that was
-    /// learnt explained the same, and goes.
+    /// Changes to another model of the vehicle without a jump of the commanded wrench: the part of the present
+    /// sample that the new model explains is no longer observed as an external wrench. A learnt bias explained
+    /// the same part, and is removed.
     pub fn change_model(&mut self, before: &Vehicle, after: &Vehicle, now: &ObserverInput) {
         let explained = |vehicle: &Vehicle| {
             let given = vehicle.body_wrench(&now.rotor_speeds);

@@ -112,13 +112,13 @@ impl Flight {
         self.bounds.start().or_else(|| ready.then(|| self.robot_state().position_w))
     }
 
-    /// Whether a route stays inside the geofence, as far as is known where that is.
+    /// Whether a route stays inside the geofence; true while the place of the geofence is not known.
     pub(super) fn keeps(&self, route: &Route) -> bool {
         let leaves = |start_w| self.fence().leaves(&start_w, self.params.vehicle.tool(), route).is_some();
         !self.start().is_some_and(leaves)
     }
 
-    /// Likewise of a streamed set-point.
+    /// Whether a streamed set-point is inside the geofence.
     pub(super) fn keeps_setpoint(&self, setpoint: &Setpoint) -> bool {
         let (position_w, rotation_we) = (&setpoint.position_w, &setpoint.rotation_we);
         let tool = self.params.vehicle.tool();

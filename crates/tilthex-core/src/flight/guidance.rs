@@ -187,8 +187,8 @@ impl Guidance {
         }
     }
 
-    /// Straight down, turning level on the way, from a reference of the tool; before it sinks, it moves by
-    /// `retreat_w`, m, away from what it touches.
+    /// Begins a landing straight down from a reference of the tool; the vehicle turns level meanwhile. Before it
+    /// sinks, it moves by `retreat_w`, m, away from what it touches.
     pub(super) fn begin_landing(&mut self, from: &Setpoint, retreat_w: &Vector3, tool: &Mounting) {
         let rotation_wr = from.rotation_we * tool.rotation_r.transpose();
         let robot_w = from.position_w - rotation_wr * tool.position_r;

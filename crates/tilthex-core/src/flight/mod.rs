@@ -113,7 +113,7 @@ pub struct Flight {
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
-    /// Likewise, that this is a contact-free flight to learn the model from.
+    /// Whether the caller says that this is a contact-free flight to learn the model from.
     learns_model: bool,
     model: ModelState,
     start_refused: Option<StartError>,
@@ -311,7 +311,8 @@ impl Flight {
         conditions.insert_if(Fault::MotorCheck, self.motor_check.fault().is_some());
         let contradiction = self.watch_capture(before, &mut conditions, dt);
         let abort = self.watch_lift_off(before, contradiction.as_ref(), &mut conditions, dt);
-        // An order to take off does not wait for whoever speaks next.
+        // If the operator is silent before the start, the order to take off is dropped: it must not wait for the next
+        // operator.
         self.take_off &= !(input.host.operator_silent && before == Phase::Disarmed);
         let facts = Facts {
             link_ready: input.telemetry.link.ready,

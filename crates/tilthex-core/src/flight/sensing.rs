@@ -76,7 +76,7 @@ impl Flight {
                 self.lift_off.see(pose);
                 self.estimator.update_pose(pose);
             } else if pose.tracking_valid && pose.is_finite() {
-                // The reason, until it succeeds, is what the operator is told.
+                // Until the start succeeds, the operator gets this reason.
                 self.start_refused =
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }

@@ -1,9 +1,9 @@
 //! The thrust of the rotors by the motion of the vehicle, not by the motors' telemetry.
 //!
-//! Rotors that turn and do not lift: without its propeller, a rotor shows as an external wrench that takes away what
-//! it should give. So does a push near the end of its arm: the rotor is tried. It is slowed down for a moment; the wrench that a
-//! lost propeller takes away goes with the speed, and a push stays. Rotors whose telemetry drops to zero while they
-//! lift as before show as an external wrench that gives what the model then lacks.
+//! Rotors that turn and do not lift: a rotor without its propeller shows as an external wrench that cancels the wrench
+//! which the rotor should give. A push near the end of its arm looks the same, so the rotor is tested: it is slowed
+//! down for a moment. The wrench of a lost propeller disappears with the speed; a push stays. Rotors whose telemetry
+//! drops to zero while they still lift show as an external wrench that is equal to the one which the model lacks.
 
 use crate::{
     Vehicle,

@@ -1,9 +1,10 @@
 //! Corrects a vehicle's model from contact-free hovers: mass, thrust, rotor axes, drag moment and centre of mass,
 //! split into these causes by their prior standard deviations, so that the correction holds at other attitudes, too.
 //!
-//! A level hover tells apart little: a wrong mass and a wrong thrust look the same, and so do a centre of mass aside
-//! and unequal rotors. Hovers at several attitudes tell what decides on the false contact at any attitude. What no
-//! hover tells (mass by thrust, the tool's tip) stays what it was, with its prior deviation.
+//! A level hover separates few of these causes: a wrong mass and a wrong thrust look the same, and so do a displaced
+//! centre of mass and unequal rotors. Hovers at several attitudes determine what causes the false contact at any
+//! attitude. What no hover determines (the ratio of mass and thrust, the tool's tip) keeps its value and its prior
+//! deviation.
 
 mod estimate;
 mod flight;
@@ -22,7 +23,7 @@ use hover::{Hover, HoverMeter};
 
 /// The newest hovers are kept, at most this many.
 pub const MAX_HOVERS: usize = 8;
-/// Tilt at which the false contact is foretold, rad.
+/// Tilt for which the false contact is predicted, rad.
 pub const TILT: f64 = 15.0 * core::f64::consts::PI / 180.0;
 /// A block of a hover may differ from the whole by this force, N, and torque, N m.
 const STEADY: (f64, f64) = (0.15, 0.05);
@@ -78,7 +79,7 @@ pub struct ModelDeviation {
     pub accelerometer_bias_r: Vector3,
     /// Of the force that is taken for contact in hovers tilted by [`TILT`], N.
     pub false_force: f64,
-    /// Of the torque about the centre of mass likewise, N m.
+    /// Of the torque about the centre of mass that is taken for contact in these hovers, N m.
     pub false_torque: f64,
 }
 
@@ -114,11 +115,11 @@ pub enum Refusal {
         /// N m.
         torque: f64,
     },
-    /// The hovers do not go together with errors of the model alone.
+    /// Errors of the model alone cannot explain the hovers.
     NotTheModel {
         /// Largest external force of a hover as the model has it, N.
         force: f64,
-        /// Largest torque likewise, N m.
+        /// Largest external torque of a hover as the model has it, N m.
         torque: f64,
     },
 }
@@ -200,7 +201,7 @@ impl ModelLearner {
     /// Learns the vehicle's model from the hovers since the last call.
     ///
     /// # Errors
-    /// Why they say nothing; the learner begins anew all the same.
+    /// Why the hovers do not determine the model. The learner starts again in this case too.
     pub fn finish(&mut self, vehicle: &Vehicle) -> Result<Learnt, Refusal> {
         self.close(vehicle);
         let done = core::mem::take(self);

@@ -15,7 +15,7 @@ pub struct Status {
     pub refused: u32,
     /// Poses that found the ring full.
     pub dropped: u32,
-    /// Times that the capture's clock was found set anew.
+    /// How often the clock of the capture system was set to another time.
     pub clock_resets: u32,
     /// Times that the server was silent and was asked again.
     pub silences: u32,

@@ -35,7 +35,7 @@ const ASK_AGAIN: Nanos = 200 * MILLISECOND;
 const PATIENCE: Nanos = 1_200 * MILLISECOND;
 /// The server forgets clients that do not say that they listen.
 const KEEP_ALIVE: Nanos = 200 * MILLISECOND;
-/// After this long without a frame the server is asked anew.
+/// After this time without a frame the client asks the server again.
 const SILENCE: Nanos = 1_000 * MILLISECOND;
 /// Largest relative drift between a server's clock and ours.
 const DRIFT: f64 = 1e-4;
@@ -115,7 +115,7 @@ impl PoseSource for Session {
                     }
                     None::<()>
                 }
-                // The server may have been started anew, with other bodies.
+                // The server may have restarted with other bodies.
                 MessageId::ServerInfo => {
                     session.take_info(payload);
                     None

@@ -118,7 +118,7 @@ impl Session {
     fn count(&mut self, number: i32) -> bool {
         let ahead = self.newest.map_or(1, |newest| number.wrapping_sub(newest));
         if ahead > 0 {
-            // A long jump is a server that was started anew.
+            // A long jump means that the server has restarted.
             add(&self.sink.counters.lost, if ahead < 1000 { ahead.unsigned_abs() - 1 } else { 0 });
         }
         if !(-1000..=0).contains(&ahead) {

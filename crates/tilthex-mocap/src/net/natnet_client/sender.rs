@@ -2,7 +2,7 @@
 
 use crate::natnet::MessageId;
 
-/// Without a frame for this long, frames may come from another port: the server was started anew, s.
+/// After this time without a frame, s, frames may come from another port: the server may have restarted.
 const FORGOTTEN: f64 = 1.0;
 
 /// Who sends. Answers come from the port that was asked. NatNet does not say from which port frames come: servers use
