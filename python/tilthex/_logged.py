@@ -59,7 +59,7 @@ class Model(TypedDict):
     false_force: float | None
     """Contact force that tilted hovers may show without contact: one standard deviation. [N]"""
     false_torque: float | None
-    """Likewise of the torque. [N m]"""
+    """Contact torque that tilted hovers may show without contact: one standard deviation. [N m]"""
     hovers: int
     """Hovers that the model was learnt from; 0 for the configured model."""
 
@@ -82,7 +82,7 @@ class State(TypedDict):
     setpoint: Target
     """The commanded set-point of the tool."""
     reference: Target
-    """The same, behind the admittance filter."""
+    """The reference of the tool: the set-point after the admittance filter."""
     force: Array
     """About the tool tip, world axes. [N, N m]"""
     torque: Array
