@@ -1,4 +1,4 @@
-"""Hypothesis profiles (`fast` by default; HYPOTHESIS_PROFILE names another), and the log of a flight."""
+"""Hypothesis profiles (`fast` by default; HYPOTHESIS_PROFILE names another), and what several tests need."""
 
 import os
 
@@ -21,3 +21,13 @@ def flight(tmp_path_factory):
     result = run("--sim", "--take-off", "--duration", "3", "--log", path)
     assert result.returncode == 0, result.stderr
     return path.read_bytes()
+
+
+@pytest.fixture
+def served(request):
+    """A server of pages at any port; its parameter is the token that it asks for."""
+    from tilthex.view import gate
+
+    server = gate.serve(gate.Gate("127.0.0.1", 0, getattr(request, "param", None)))
+    yield server
+    server.stop()

@@ -23,6 +23,7 @@ from tilthex import (
 )
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
+from tilthex.view import cli as view
 
 COMMANDS: tuple[Callable[[Any], None], ...] = (
     check.add_parser,
@@ -36,6 +37,7 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
     manoeuvres.add_parser,
     plot.add_parser,
     tune.add_parser,
+    view.add_parser,
 )
 """The `add_parser` of each subcommand's module."""
 USAGE = 2
@@ -57,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             chosen.run(chosen)
     except ModuleNotFoundError as error:
         needed = f"this command needs {error.name}, which is not installed"
-        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments,logs]'", file=sys.stderr)
+        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments,logs,view]'", file=sys.stderr)
         return USAGE
     except (ValueError, OSError, ImportError) as error:
         print(f"tilthex: {error}", file=sys.stderr)

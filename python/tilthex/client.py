@@ -18,7 +18,7 @@ import os
 import socket
 import threading
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, cast
 
 import numpy as np
@@ -42,6 +42,7 @@ def connect(
     *,
     path: str | os.PathLike[str] | None = None,
     token: str | None = None,
+    present: Callable[[], bool] | None = None,
 ) -> Flight:
     """Connects to a running flight.
 
@@ -51,6 +52,8 @@ def connect(
         timeout: Longest wait for an answer, s.
         path: The Unix socket (`--control unix:PATH`), instead of host and port.
         token: The content of the file of `--control-token-file`, if the flight requires it.
+        present: Says whether the operator is there. While it says no, the flight hears nothing of its operator.
+            A thread calls it. Without it, the operator is there while this program runs.
 
     Raises:
         ConnectionError: No flight listens there.
@@ -73,18 +76,24 @@ def connect(
         raise ConnectionError(
             f"no flight takes orders at {where} ({error}); start tilthex-rt with --control"
         ) from error
-    return Flight(connection, token)
+    return Flight(connection, token, present)
 
 
 class Flight:
     """A connection to a running flight; `tilthex.connect` makes one.
 
-    A thread tells the flight that this program is alive. If the program or the network fails, a flight
-    that this client has ordered to move holds, and lands later.
+    A thread tells the flight that the operator is there. If the operator, the program or the network is gone,
+    a flight that this client has ordered to move holds, and lands later.
     """
 
-    def __init__(self, connection: socket.socket, token: str | None = None) -> None:
+    def __init__(
+        self,
+        connection: socket.socket,
+        token: str | None = None,
+        present: Callable[[], bool] | None = None,
+    ) -> None:
         self._socket = connection
+        self._present = present
         self._lines = connection.makefile("r", encoding="utf-8", newline="\n")
         self._states: deque[State] = deque(maxlen=1000)
         self._id = 0
@@ -274,7 +283,8 @@ class Flight:
         # A message without an id gets no answer. The flight may end before this thread does.
         with contextlib.suppress(OSError):
             while not self._closed.wait(HEARTBEAT):
-                self._send({"command": "heartbeat"})
+                if self._present is None or self._present():
+                    self._send({"command": "heartbeat"})
 
     def _read(self) -> dict[str, Any] | None:
         try:

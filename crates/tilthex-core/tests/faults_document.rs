@@ -1,5 +1,5 @@
-//! `docs/faults.md` holds the table of faults that the code uses.
-//! `TILTHEX_WRITE_DOCS=1 cargo test --test faults_document` writes it.
+//! `docs/faults.md` and `python/tilthex/_faults.py` hold the table of faults that the code uses.
+//! `TILTHEX_WRITE_DOCS=1 cargo test --test faults_document` writes both.
 
 use std::fmt::Write as _;
 use tilthex_core::supervisor::{Reaction, TABLE};
@@ -49,10 +49,56 @@ fn the_document_is_the_table() {
         )
         .expect("a string takes all");
     }
-    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/faults.md");
-    if std::env::var_os("TILTHEX_WRITE_DOCS").is_some() {
-        std::fs::write(path, &text).expect("docs/ is there");
+    written("docs/faults.md", &text);
+}
+
+const PYTHON_HEAD: &str = "\"\"\"The faults that the supervisor knows, and its reactions; docs/faults.md has the same as a table.
+
+Written by `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test faults_document`; do not change it by hand.
+\"\"\"
+# ruff: noqa: E501
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Fault(NamedTuple):
+    \"\"\"A row of the table.\"\"\"
+
+    name: str
+    on_ground: str
+    \"\"\"Reaction before take-off: note or refuse.\"\"\"
+    in_flight: str
+    \"\"\"Reaction in flight: note, hold, land or descend.\"\"\"
+    remark: str
+    \"\"\"What stands in, or how to mend the cause; may be empty.\"\"\"
+
+
+FAULTS = (
+";
+
+#[test]
+fn the_python_table_is_the_table() {
+    let mut text = String::from(PYTHON_HEAD);
+    for (number, r) in TABLE.iter().enumerate() {
+        assert_eq!(r.fault as usize, number, "the number of a fault is its place");
+        text += "    Fault(\n";
+        for word in [r.name, name(r.on_ground), name(r.in_flight), &r.remark.to_string()] {
+            writeln!(text, "        {word:?},").expect("a string takes all");
+        }
+        text += "    ),\n";
     }
-    let found = std::fs::read_to_string(path).unwrap_or_default();
-    assert_eq!(found, text, "docs/faults.md is not the table: run with TILTHEX_WRITE_DOCS=1");
+    text += ")\n\"\"\"All faults; the number of a fault, its bit in a log, is its place.\"\"\"\n";
+    written("python/tilthex/_faults.py", &text);
+}
+
+/// Compares a file of the repository with what it should hold, or writes it.
+fn written(file: &str, text: &str) {
+    let path = format!("{}/../../{file}", env!("CARGO_MANIFEST_DIR"));
+    if std::env::var_os("TILTHEX_WRITE_DOCS").is_some() {
+        std::fs::write(&path, text).expect("its folder is there");
+    }
+    let found = std::fs::read_to_string(&path).unwrap_or_default();
+    assert_eq!(found, text, "{file} is not the table: run with TILTHEX_WRITE_DOCS=1");
 }

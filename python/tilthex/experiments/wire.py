@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import json
-import shutil
 import signal
 import socket
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +17,7 @@ from typing import IO, Any
 import numpy as np
 
 import tilthex
+from tilthex._programs import program
 from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
@@ -216,21 +215,6 @@ class Program:
                 self.process.wait()
         if self.process.stdout is not None:
             self.process.stdout.close()
-
-
-def program(name: str) -> str:
-    """The path of one of the Rust programs: beside this Python, or on the PATH.
-
-    Raises:
-        OSError: It is in neither place.
-    """
-    beside = Path(sys.executable).parent / name
-    found = str(beside) if beside.exists() else shutil.which(name)
-    if found is None:
-        raise OSError(
-            f"{name} is neither in {beside.parent} nor on the path; pip install tilthex puts it there"
-        )
-    return found
 
 
 def expected(run: Run) -> float:

@@ -1,0 +1,356 @@
+"""The faults that the supervisor knows, and its reactions; docs/faults.md has the same as a table.
+
+Written by `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test faults_document`; do not change it by hand.
+"""
+# ruff: noqa: E501
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Fault(NamedTuple):
+    """A row of the table."""
+
+    name: str
+    on_ground: str
+    """Reaction before take-off: note or refuse."""
+    in_flight: str
+    """Reaction in flight: note, hold, land or descend."""
+    remark: str
+    """What stands in, or how to mend the cause; may be empty."""
+
+
+FAULTS = (
+    Fault(
+        "IMU late",
+        "note",
+        "note",
+        "the model predicts until the next sample",
+    ),
+    Fault(
+        "IMU silent",
+        "refuse",
+        "land",
+        "the model stands in for the IMU; the stream is requested again every 500 ms",
+    ),
+    Fault(
+        "IMU frozen",
+        "refuse",
+        "land",
+        "the model stands in for the IMU",
+    ),
+    Fault(
+        "IMU saturated",
+        "refuse",
+        "land",
+        "the sample is dropped and the model stands in; short shocks pass",
+    ),
+    Fault(
+        "IMU out of range",
+        "note",
+        "note",
+        "the sample is dropped; many of them are an IMU that is silent",
+    ),
+    Fault(
+        "motor data stale",
+        "note",
+        "note",
+        "the commanded speed through the rotor's lag stands in, as it does from 30 ms on",
+    ),
+    Fault(
+        "motor data silent",
+        "refuse",
+        "land",
+        "as before; the stream is requested again every 500 ms",
+    ),
+    Fault(
+        "motor emergency",
+        "refuse",
+        "land",
+        "the motor counts as lost",
+    ),
+    Fault(
+        "motor not spinning",
+        "refuse",
+        "land",
+        "the motor counts as lost",
+    ),
+    Fault(
+        "motor at a wrong speed",
+        "refuse",
+        "land",
+        "it is driven faster by what is missing",
+    ),
+    Fault(
+        "command not followed",
+        "refuse",
+        "land",
+        "the vehicle's own watchdog holds its lowest speed when commands stop reaching it",
+    ),
+    Fault(
+        "thrust lost",
+        "refuse",
+        "land",
+        "the motor counts as lost: its propeller is; what stays is a push",
+    ),
+    Fault(
+        "rotor lost",
+        "refuse",
+        "descend",
+        "yaw is given up; down at 1 m/s, before the spin that follows takes the rest; once it has toppled, or spins past the gyro's range, rotors at their lowest speeds",
+    ),
+    Fault(
+        "battery low",
+        "refuse",
+        "land",
+        "change the battery",
+    ),
+    Fault(
+        "battery critical",
+        "refuse",
+        "land",
+        "change the battery",
+    ),
+    Fault(
+        "pose late",
+        "note",
+        "note",
+        "the estimator goes on with the IMU",
+    ),
+    Fault(
+        "pose lost",
+        "refuse",
+        "hold",
+        "the estimator goes on with the IMU",
+    ),
+    Fault(
+        "pose lost for long",
+        "refuse",
+        "land",
+        "lands on IMU and model, on the pose when it returns",
+    ),
+    Fault(
+        "pose lost for good",
+        "refuse",
+        "descend",
+        "horizontal position is given up",
+    ),
+    Fault(
+        "pose jumping",
+        "refuse",
+        "hold",
+        "refused poses do not count as poses",
+    ),
+    Fault(
+        "estimate inconsistent",
+        "refuse",
+        "land",
+        "check the noise and the mounting in the configuration",
+    ),
+    Fault(
+        "estimate uncertain",
+        "refuse",
+        "descend",
+        "horizontal position is given up",
+    ),
+    Fault(
+        "tracking error",
+        "note",
+        "land",
+        "a landing goes on from where the vehicle is; check mass, thrust coefficients and limits",
+    ),
+    Fault(
+        "tilt",
+        "refuse",
+        "land",
+        "while the IMU is silent or the rotors at their limits: lowest speeds, for thrust would only carry it away",
+    ),
+    Fault(
+        "speed",
+        "refuse",
+        "land",
+        "",
+    ),
+    Fault(
+        "excursion",
+        "note",
+        "hold",
+        "the tool is held back or pushed too far",
+    ),
+    Fault(
+        "external wrench",
+        "note",
+        "hold",
+        "",
+    ),
+    Fault(
+        "set-point stale",
+        "note",
+        "hold",
+        "the last one is held",
+    ),
+    Fault(
+        "set-point refused",
+        "note",
+        "hold",
+        "the last good one is held",
+    ),
+    Fault(
+        "set-point infeasible",
+        "note",
+        "hold",
+        "slow the trajectory or tilt less",
+    ),
+    Fault(
+        "loop overrun",
+        "note",
+        "note",
+        "whole periods are skipped; the measured time enters the laws",
+    ),
+    Fault(
+        "long loop overrun",
+        "note",
+        "hold",
+        "the vehicle's watchdog took the rotors to their lowest speed after 500 ms",
+    ),
+    Fault(
+        "link garbage",
+        "refuse",
+        "hold",
+        "the model stands in for the motors; check cable, adapter and speed of the line",
+    ),
+    Fault(
+        "reboot",
+        "refuse",
+        "land",
+        "the streams are requested and the motors started again",
+    ),
+    Fault(
+        "link lost",
+        "refuse",
+        "descend",
+        "nothing reaches the vehicle; its watchdog holds the lowest speed after 500 ms and disarms 10 s later",
+    ),
+    Fault(
+        "log lost",
+        "note",
+        "note",
+        "the flight goes on without a log",
+    ),
+    Fault(
+        "not finite",
+        "refuse",
+        "land",
+        "the last good command is sent again",
+    ),
+    Fault(
+        "start timeout",
+        "refuse",
+        "note",
+        "see the vehicle's own messages",
+    ),
+    Fault(
+        "operator",
+        "refuse",
+        "land",
+        "",
+    ),
+    Fault(
+        "calibration refused",
+        "note",
+        "note",
+        "the configured model is kept; the mean wrench of the next hover is the bias",
+    ),
+    Fault(
+        "operator silent",
+        "refuse",
+        "hold",
+        "any line on the control socket from whoever holds the controls ends it",
+    ),
+    Fault(
+        "operator gone",
+        "refuse",
+        "land",
+        "the vehicle does not wait for an operator who is gone",
+    ),
+    Fault(
+        "geofence",
+        "refuse",
+        "land",
+        "plan the mission inside it, or widen it",
+    ),
+    Fault(
+        "landing fails",
+        "note",
+        "descend",
+        "down at 0.7 m/s wherever it is, with less and less thrust where it does not sink",
+    ),
+    Fault(
+        "bias not learnt",
+        "note",
+        "note",
+        "the bias stays as it was; free the tool, let it rest, and order zero_bias",
+    ),
+    Fault(
+        "line late",
+        "refuse",
+        "land",
+        "slower control that bears the delay; check the adapter, its driver and the load of the machine",
+    ),
+    Fault(
+        "motor data wrong",
+        "refuse",
+        "land",
+        "the commanded speed through the rotor's lag stands in; check the motor's telemetry",
+    ),
+    Fault(
+        "pose frozen",
+        "refuse",
+        "hold",
+        "it does not count as a pose; check that the body is tracked",
+    ),
+    Fault(
+        "pose contradicts the IMU",
+        "refuse",
+        "land",
+        "no pose is believed any more; lands on IMU and model; check that the body is tracked and is the vehicle's, and how late its poses are",
+    ),
+    Fault(
+        "motor order",
+        "refuse",
+        "land",
+        "up to 0.3 m above the ground its motors are stopped; check number, spin direction and propeller of each motor",
+    ),
+    Fault(
+        "capture axes",
+        "refuse",
+        "land",
+        "up to 0.3 m above the ground its motors are stopped; check the up axis of motion capture, that its axes are right-handed, and the yaw at which the body is defined",
+    ),
+    Fault(
+        "lift-off",
+        "refuse",
+        "land",
+        "up to 0.3 m above the ground its motors are stopped; check mass, thrust coefficients and what holds the vehicle",
+    ),
+    Fault(
+        "motor check",
+        "refuse",
+        "note",
+        "no motor is started; the message names the motor",
+    ),
+    Fault(
+        "capture mirrored",
+        "refuse",
+        "land",
+        "up to 0.3 m above the ground its motors are stopped; check that motion capture streams right-handed axes",
+    ),
+    Fault(
+        "capture late",
+        "refuse",
+        "land",
+        "up to 0.3 m above the ground its motors are stopped; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`",
+    ),
+)
+"""All faults; the number of a fault, its bit in a log, is its place."""

@@ -1,0 +1,131 @@
+"""`tilthex view`: serves the page and opens it in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import signal
+import threading
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tilthex._core import Config, Vehicle
+from tilthex.client import DEFAULT_PORT, Flight, connect
+
+if TYPE_CHECKING:
+    import viser
+
+ABOUT = """Shows a flight in the browser: a running one, with its controls, a simulated one, or a log.
+
+Without LOG and --sim the page is connected to the control socket of a running tilthex-rt --control
+(docs/howto/view.md).
+"""
+
+
+def add_parser(commands: Any) -> None:
+    """Adds the subcommand."""
+    parser: argparse.ArgumentParser = commands.add_parser(
+        "view",
+        help="a flight in the browser: running, simulated or from a log",
+        description=ABOUT,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument("log", nargs="?", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
+    what.add_argument("--sim", action="store_true", help="start a simulated flight and show it")
+    parser.add_argument(
+        "--control",
+        default=f"127.0.0.1:{DEFAULT_PORT}",
+        metavar="ADDRESS",
+        help="control socket of the flight: ADDRESS:PORT or unix:PATH (default: %(default)s)",
+    )
+    parser.add_argument("--control-token-file", type=Path, metavar="FILE", help="the flight's token")
+    parser.add_argument(
+        "--config",
+        type=Path,
+        metavar="FILE",
+        help="what the flight flies with (default: the preset tilt-hex)",
+    )
+    parser.add_argument(
+        "--listen",
+        default="127.0.0.1:8080",
+        metavar="ADDRESS:PORT",
+        help="where the page is served; an address of a network asks for a token (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--token-file",
+        type=Path,
+        metavar="FILE",
+        help="ask for the token in this file; an address of a network has a new one at each start without",
+    )
+    parser.add_argument("--no-browser", action="store_true", help="print the page's address only")
+    parser.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> None:
+    try:
+        import viser  # noqa: F401
+    except ImportError as error:
+        raise ImportError(
+            f"the page needs {error.name}, which is not installed: pip install 'tilthex[view]'"
+        ) from error
+    from tilthex.view import gate
+
+    ended = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ended.set())
+    guard = gate.gate(arguments.listen, arguments.token_file)
+    with contextlib.ExitStack() as stack:
+        make = _prepare(arguments, stack)
+        server = gate.serve(guard)
+        stack.callback(server.stop)
+        run = make(server)
+        url = guard.url(server.get_port())
+        print(url, flush=True)
+        if not arguments.no_browser and (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            webbrowser.open(url)
+        run(ended)
+
+
+def _prepare(
+    arguments: argparse.Namespace, stack: contextlib.ExitStack
+) -> Callable[[viser.ViserServer], Callable[[threading.Event], None]]:
+    """Reads or starts what is shown; what makes its page, and then shows it until it is told to end."""
+    if arguments.log is not None:
+        from tilthex.view.replay import Replay
+        from tilthex.view.sample import Flown
+
+        flown = Flown(arguments.log)
+        return lambda server: Replay(server, flown, arguments.log.name).run
+    from tilthex.view.live import Live
+
+    path = arguments.config
+    config = Config.default(Vehicle.preset("tilt-hex")) if path is None else Config.from_toml(path)
+    address, title = arguments.control, f"flight at {arguments.control}"
+    if arguments.sim:
+        from tilthex.view import simulated
+
+        port = stack.enter_context(simulated.flight([] if path is None else ["--config", str(path)]))
+        address, title = f"127.0.0.1:{port}", "simulated flight"
+    connection = connector(address, arguments.control_token_file)
+    return lambda server: Live(server, config, connection, title).run
+
+
+def connector(address: str, token_file: Path | None) -> Callable[[Callable[[], bool] | None], Flight]:
+    """What connects to the control socket at an address, ADDRESS:PORT or unix:PATH.
+
+    Raises:
+        ValueError: The address is none.
+    """
+    token = None if token_file is None else token_file.read_text(encoding="utf-8").strip()
+    scheme, separator, path = address.partition(":")
+    if scheme == "unix" and separator:
+        return lambda present: connect(path=path, token=token, present=present)
+    host, _, port = address.rpartition(":")
+    host = host.strip("[]")
+    if not host or not port.isdecimal():
+        raise ValueError(f"--control is {address!r}; expected ADDRESS:PORT or unix:PATH")
+    return lambda present: connect(host, int(port), token=token, present=present)

@@ -1,0 +1,175 @@
+"""Who may open the page: this computer alone, or whoever has the token.
+
+A browser lets every page that it shows connect to every address that it reaches, this computer's own
+included. So each request must come from the page itself (`Origin`), and name an address under which the page
+is served (`Host`): a page elsewhere cannot give orders through the browser of an operator.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hmac
+import io
+import ipaddress
+import secrets
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qs, urlsplit
+
+if TYPE_CHECKING:
+    import viser
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
+
+SHORTEST = 16
+"""Characters of a token, as of the control socket."""
+COOKIE = "tilthex-view"
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Where the page is served, and to whom."""
+
+    host: str
+    port: int
+    token: str | None
+    """Asked for where the address is not of this computer alone."""
+
+    def admits(self, path: str, headers: Any) -> str | None:
+        """Why a request is refused, as a sentence; None where it is admitted.
+
+        Args:
+            path: of the request, with its query.
+            headers: of the request: a mapping.
+        """
+        host = headers.get("Host", "")
+        if self.token is None and _name(host) not in LOOPBACK:
+            return f"this page is served to this computer alone, not as {host!r}"
+        origin = headers.get("Origin")
+        if origin is not None and urlsplit(origin).netloc != host:
+            return f"a page of {origin!r} may not open this one"
+        if self.token is not None and not self._shown(path, headers.get("Cookie", "")):
+            return "the token is missing or wrong; open the address that `tilthex view` printed"
+        return None
+
+    def _shown(self, path: str, cookies: str) -> bool:
+        assert self.token is not None
+        shown = parse_qs(urlsplit(path).query).get("token", [])
+        try:
+            cookie = SimpleCookie(cookies).get(COOKIE)
+        except CookieError:
+            cookie = None
+        if cookie is not None:
+            shown.append(cookie.value)
+        return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in shown)
+
+    def url(self, port: int) -> str:
+        """What a person opens."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{host}:{port}/" + ("" if self.token is None else f"?token={self.token}")
+
+
+def gate(address: str, token_file: Path | None) -> Gate:
+    """The gate of an address, HOST:PORT; one that others can reach has a token, new or from a file.
+
+    Raises:
+        ValueError: The address means every network, or the token is too short; with what is expected.
+    """
+    host, separator, port = address.rpartition(":")
+    host = host.strip("[]")
+    if not separator or not host or not port.isdecimal() or int(port) > 65535:
+        raise ValueError(f"--listen is {address!r}; expected ADDRESS:PORT, such as 127.0.0.1:8080")
+    try:
+        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)[0][4][0]
+    except socket.gaierror as error:
+        raise ValueError(f"--listen names {host!r}, which is no address of this computer: {error}") from None
+    numbered = ipaddress.ip_address(found)
+    if numbered.is_unspecified or getattr(numbered, "ipv4_mapped", None) == ipaddress.ip_address("0.0.0.0"):
+        raise ValueError(f"--listen {host} means every network; expected one address of this computer")
+    token = None if token_file is None else _read(token_file)
+    if token is None and not numbered.is_loopback:
+        token = secrets.token_hex(16)
+    return Gate(host, int(port), token)
+
+
+def serve(guard: Gate) -> viser.ViserServer:
+    """Starts the server behind a gate.
+
+    Raises:
+        OSError: The address cannot be used.
+    """
+    import viser
+
+    # It prints an address without the token.
+    with _guarded(guard) as used, contextlib.redirect_stdout(io.StringIO()):
+        try:
+            server = viser.ViserServer(host=guard.host, port=guard.port, label="tilthex", verbose=False)
+        except OSError as error:
+            raise OSError(f"the page cannot be served at {guard.host}:{guard.port}: {error}") from error
+    if not used:
+        server.stop()
+        raise ImportError(
+            "this version of viser does not ask tilthex who may connect: pip install 'tilthex[view]'"
+        )
+    return server
+
+
+@contextlib.contextmanager
+def _guarded(guard: Gate) -> Iterator[list[bool]]:
+    """While it lasts, servers of `websockets` are made with the gate before their own answers.
+
+    viser has no hook of its own for this. What is yielded is filled once a server is made.
+    """
+    import websockets.asyncio.server as module
+
+    plain = module.serve
+    used: list[bool] = []
+
+    def serve(*arguments: Any, process_request: Any, **options: Any) -> Any:
+        used.append(True)
+
+        def answer(connection: ServerConnection, request: Request) -> Response | None:
+            refusal = guard.admits(request.path, request.headers)
+            if refusal is not None:
+                return connection.respond(403, refusal + "\n")
+            response: Response | None = process_request(connection, request)
+            if response is not None and guard.token is not None:
+                # The page's own requests show it from now on; no other page's do.
+                cookie = f"{COOKIE}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
+                response.headers["Set-Cookie"] = cookie
+            return response
+
+        return plain(*arguments, process_request=answer, **options)
+
+    module.serve = serve  # type: ignore[assignment, misc]
+    try:
+        yield used
+    finally:
+        module.serve = plain  # type: ignore[misc]
+
+
+def _name(host: str) -> str:
+    """The name in a `Host` header, without its port."""
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
+
+
+def _read(path: Path) -> str:
+    token = path.read_text(encoding="utf-8").strip()
+    if len(token) < SHORTEST:
+        raise ValueError(
+            f"the token in {path} has {len(token)} characters; expected {SHORTEST} or more, such as "
+            "`openssl rand -hex 16` gives"
+        )
+    if not token.isascii() or not token.isalnum():
+        raise ValueError(
+            f"the token in {path} has other characters than letters and digits, which an address cannot hold"
+        )
+    return token

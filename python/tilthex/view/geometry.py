@@ -1,0 +1,100 @@
+"""What a vehicle looks like, from its MuJoCo model (`Vehicle.to_mjcf`), and the forces that it can give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree as ET
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex._core import GRAVITY
+from tilthex.polytope import NO_TORQUE, wrench_polytope
+
+if TYPE_CHECKING:
+    from tilthex import Vehicle
+
+Array = NDArray[np.float64]
+
+ROTOR_RADIUS = 0.02
+"""Cylinders of at least this radius are rotors, m; thinner ones are arms and rods."""
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder or capsule, R."""
+
+    begin: Array
+    """(3,), m."""
+    end: Array
+    """(3,), m."""
+    radius: float
+    """m."""
+    colour: tuple[int, int, int]
+    opacity: float
+
+    @property
+    def is_rotor(self) -> bool:
+        """Whether it stands for a rotor; they come in the order of the rotors."""
+        return self.radius >= ROTOR_RADIUS
+
+
+def cylinders(vehicle: Vehicle) -> list[Cylinder]:
+    """The geoms of the body `robot` in the vehicle's MuJoCo model."""
+    robot = ET.fromstring(vehicle.to_mjcf()).find(".//body[@name='robot']")
+    assert robot is not None, "to_mjcf writes a body of this name"
+    return [_cylinder(geom) for geom in robot.iter("geom") if geom.get("type") in ("capsule", "cylinder")]
+
+
+def _cylinder(geom: ET.Element) -> Cylinder:
+    ends = np.array(geom.get("fromto", "").split(), dtype=float).reshape(2, 3)
+    red, green, blue, opacity = (float(x) for x in geom.get("rgba", "0.5 0.5 0.5 1").split())
+    colour = (round(255 * red), round(255 * green), round(255 * blue))
+    return Cylinder(ends[0], ends[1], float(geom.get("size", "0").split()[0]), colour, opacity)
+
+
+class Reach:
+    """The forces that a vehicle's rotors can give without a torque, and how near they are to their limits.
+
+    Attributes:
+        vertices: (v, 3), N, R: corners of the attainable forces.
+        faces: (f, 3): triangles of their hull, as rows of `vertices`.
+    """
+
+    def __init__(self, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._set = wrench_polytope(vehicle, fix=NO_TORQUE)
+        self._limits = vehicle.rotor_speed_limits
+        self.vertices = self._set.vertices
+        self.faces = np.zeros((0, 3), dtype=np.uint32)
+        if self._set.dimension == 3:
+            from scipy.spatial import ConvexHull
+
+            self.faces = np.asarray(ConvexHull(self.vertices).simplices, dtype=np.uint32)
+
+    def weight(self, rotation: Array) -> Array:
+        """The force that carries the weight, N, R, at a rotation (3, 3) of the robot."""
+        return np.asarray(rotation.T @ np.array([0.0, 0.0, self._vehicle.mass * GRAVITY]))
+
+    def margin(self, rotor_speeds: Array) -> float:
+        """Distance of the rotors' force to the edge of the attainable ones, N; negative outside.
+
+        Infinite for a vehicle whose attainable forces have no volume: all lie on their edge.
+        """
+        if self._set.dimension < 3:
+            return float("inf")
+        inputs = rotor_speeds * np.abs(rotor_speeds)
+        return float(self._set.margin((self._vehicle.allocation @ inputs)[:3]))
+
+    def loads(self, rotor_speeds: Array) -> Array:
+        """Where each rotor is between its limits of thrust: 0 at the lower, 1 at the upper; (n,)."""
+        lower, upper = (self._limits * np.abs(self._limits)).T
+        inputs = rotor_speeds * np.abs(rotor_speeds)
+        return np.asarray((inputs - lower) / (upper - lower))
+
+    def thrusts(self, rotor_speeds: Array) -> Array:
+        """Thrust of each rotor along its axis, N; (n,)."""
+        inputs = rotor_speeds * np.abs(rotor_speeds)
+        axes = np.array([rotor["axis"] for rotor in self._vehicle.rotors])
+        return np.asarray(np.sum(self._vehicle.allocation[:3].T * axes, axis=1) * inputs)

@@ -1,0 +1,83 @@
+"""The page of a running flight."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from tilthex.view.controls import Controls
+from tilthex.view.page import Page
+from tilthex.view.pilot import RATE, Connect, Pilot
+from tilthex.view.presence import Presence
+
+if TYPE_CHECKING:
+    import viser
+
+    from tilthex import Config
+    from tilthex.view.sample import Sample
+
+FRAME = 0.1
+"""Time between two pictures, s."""
+DRAW = 5
+"""The plots are drawn with every so many pictures."""
+KEPT = 30.0
+"""The plots hold so many seconds."""
+
+
+class Live:
+    """Shows what the flight tells, and gives the orders of the page."""
+
+    def __init__(self, server: viser.ViserServer, config: Config, connect: Connect, title: str) -> None:
+        """Connects to the flight.
+
+        Raises:
+            ConnectionError: No flight takes orders there.
+            ValueError: The flight has another number of rotors than the configuration.
+        """
+        self.presence = Presence(server)
+        self.pilot = Pilot(connect, self.presence, self._tell)
+        self._rotors = config.vehicle.rotor_count
+        self.page = Page(server, config, title, round(KEPT / FRAME))
+        with self.page.controls:
+            self.controls = Controls(server, self.pilot, config)
+        self._shown: Sample | None = None
+
+    def run(self, ended: threading.Event) -> None:
+        """Shows the flight until it is told to end."""
+        self.pilot.start()
+        try:
+            pictures = 0
+            while not ended.wait(FRAME):
+                self._show()
+                pictures += 1
+                if pictures % DRAW == 0:
+                    self.page.charts.draw()
+        finally:
+            self.presence.close()
+            self.pilot.close()
+
+    def _show(self) -> None:
+        sample = self.pilot.newest
+        if sample is None:
+            return
+        self.controls.update()
+        if sample is not self._shown:
+            self._check(sample)
+            self.page.charts.add(sample)
+        self._shown = sample
+        self.page.show(sample, link_age=max(0.0, time.monotonic() - self.pilot.arrived))
+
+    def _check(self, sample: Sample) -> None:
+        found = len(sample.rotor_speeds)
+        if found != self._rotors:
+            raise ValueError(
+                f"the flight has {found} rotors, the configuration's vehicle {self._rotors}; "
+                "name the flight's configuration with --config"
+            )
+
+    def _tell(self, title: str, text: str) -> None:
+        self.page.tell(title, text)
+
+
+__all__ = ["RATE", "Live"]

@@ -1,0 +1,180 @@
+"""What the page shows of one moment, from the state of a running flight or from a log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex._core import Config
+from tilthex._faults import FAULTS
+from tilthex._logged import State, Target
+from tilthex.log import Columns, Log
+from tilthex.recording import rotations_from_quaternions
+
+Array = NDArray[np.float64]
+
+TOPICS = ("/state", "/setpoint", "/reference", "/wrench", "/control", "/rotors", "/flight")
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where something is in the world."""
+
+    position: Array
+    """(3,), m."""
+    rotation: Array
+    """(3, 3), maps its coordinates to world coordinates."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One moment of a flight; frames and units as in docs/log.md."""
+
+    time: float
+    """s, of the host's monotonic clock or since the log's begin."""
+    robot: Pose
+    """Of the centre of mass."""
+    setpoint: Pose
+    """Of the tool."""
+    reference: Pose
+    """Of the tool."""
+    force: Array
+    """(3,), N, world, about the tool tip, from the environment."""
+    torque: Array
+    """(3,), N m, likewise."""
+    position_error: Array
+    """(3,), m, world."""
+    rotor_speeds: Array
+    """(n,), Hz, measured."""
+    phase: str
+    faults: tuple[str, ...]
+    given_up: str | None
+    compliant: bool
+    battery: float
+    """V; NaN before it is known."""
+    pose_age: float
+    """s."""
+    controls: str | None = None
+    """Who holds the controls; a log does not say."""
+
+
+def from_state(state: State) -> Sample:
+    """The sample of a state that the control socket gave."""
+    return Sample(
+        time=_number(state["time"]),
+        robot=Pose(state["position"], state["rotation"]),
+        setpoint=_target(state["setpoint"]),
+        reference=_target(state["reference"]),
+        force=state["force"],
+        torque=state["torque"],
+        position_error=state["position_error"],
+        rotor_speeds=state["rotor_speeds"],
+        phase=state["phase"],
+        faults=tuple(state["faults"]),
+        given_up=state["given_up"],
+        compliant=state["compliant"],
+        battery=_number(state["battery"]),
+        pose_age=_number(state["pose_age"]),
+        controls=state["controls"],
+    )
+
+
+class Flown:
+    """A log as samples.
+
+    Attributes:
+        config: What was flown with.
+        times: (N,), s since the log's begin.
+        missing: What is missing of a log that breaks off, or None.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        log = Log(path)
+        self.config = Config.from_text(log.configuration)
+        self.missing = log.missing
+        columns = {topic: log.columns(topic) for topic in TOPICS}
+        # A log that breaks off may lack the last messages of some topics.
+        rows = min(len(column["log_time"]) for column in columns.values())
+        self._columns: dict[str, Columns] = {
+            topic: {name: values[:rows] for name, values in column.items()}
+            for topic, column in columns.items()
+        }
+        # 64 bits, which a column of floating-point numbers does not hold.
+        self._faults = [message.faults for _, message in log.messages("/flight")][:rows]
+        begin = self._columns["/flight"]["log_time"]
+        self.times: Array = begin - begin[0]
+        self._rotations = {
+            topic: rotations_from_quaternions(self._columns[topic]["orientation"])
+            for topic in ("/state", "/setpoint", "/reference")
+        }
+
+    def at(self, time: float) -> Sample:
+        """The last sample that is not later than a time, s since the log's begin; the first before it."""
+        row = max(0, int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1)
+        return self.sample(row)
+
+    def sample(self, row: int) -> Sample:
+        """The sample of a row."""
+        of = self._columns
+        given_up = str(of["/control"]["given_up"][row])
+        return Sample(
+            time=float(self.times[row]),
+            robot=self._pose("/state", row),
+            setpoint=self._pose("/setpoint", row),
+            reference=self._pose("/reference", row),
+            force=of["/wrench"]["tool_w.force"][row],
+            torque=of["/wrench"]["tool_w.torque"][row],
+            position_error=of["/control"]["position_error_w"][row],
+            rotor_speeds=of["/rotors"]["measured"][row],
+            phase=str(of["/flight"]["phase"][row]),
+            faults=tuple(_names(self._faults[row])),
+            given_up=None if given_up == "none" else given_up,
+            compliant=bool(of["/control"]["compliant"][row]),
+            battery=float(of["/rotors"]["battery"][row]),
+            pose_age=float(of["/state"]["pose_age"][row]),
+        )
+
+    def thinned(self, most: int) -> Iterator[Sample]:
+        """At most so many samples, evenly spread."""
+        for row in np.unique(np.linspace(0, len(self.times) - 1, most).astype(int)):
+            yield self.sample(int(row))
+
+    def events(self) -> list[tuple[float, str]]:
+        """When the phase changed or a fault began, and what: s since the log's begin, one sentence."""
+        phases, found = self._columns["/flight"]["phase"], []
+        for row in range(1, len(self.times)):
+            time = float(self.times[row])
+            if phases[row] != phases[row - 1]:
+                found.append((time, str(phases[row])))
+            found += [(time, name) for name in _names(self._faults[row] & ~self._faults[row - 1])]
+        return found
+
+    def _pose(self, topic: str, row: int) -> Pose:
+        return Pose(self._columns[topic]["position_w"][row], self._rotations[topic][row])
+
+
+def tool_pose(robot: Pose, config: Config) -> Pose:
+    """The pose of the tool of a robot."""
+    vehicle = config.vehicle
+    return Pose(
+        robot.position + robot.rotation @ vehicle.tool_position, robot.rotation @ vehicle.tool_rotation
+    )
+
+
+def _names(bits: int) -> Iterator[str]:
+    """Names of the faults in a log's bits; a fault of a later version has its number."""
+    for number in range(bits.bit_length()):
+        if bits >> number & 1:
+            yield FAULTS[number].name if number < len(FAULTS) else f"fault {number}"
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+def _target(target: Target) -> Pose:
+    return Pose(target["position"], target["rotation"])

@@ -1,0 +1,72 @@
+"""`tilthex view --sim`: a simulated flight of its own."""
+
+from __future__ import annotations
+
+import re
+import signal
+import subprocess
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import IO
+
+from tilthex._programs import program
+
+LANDING = 30.0
+"""A flight that is ended in the air has so long to land, s."""
+
+
+@contextmanager
+def flight(arguments: Sequence[str]) -> Iterator[int]:
+    """A simulated `tilthex-rt`; the port of its control socket. At the end it lands.
+
+    Args:
+        arguments: beside those that make it simulated and controlled.
+
+    Raises:
+        OSError: It is not installed, or does not start; it says why on standard error.
+    """
+    process = subprocess.Popen(
+        [program("tilthex-rt"), "--sim", "--control", "127.0.0.1:0", *arguments],
+        stdout=subprocess.PIPE,
+        text=True,
+        # An interrupt is for the page, which ends the flight.
+        start_new_session=True,
+    )
+    assert process.stdout is not None
+    reader = threading.Thread(target=_drain, args=(process.stdout,), daemon=True)
+    try:
+        port = _port(process.stdout)
+        if port is None:
+            raise OSError(f"the simulated flight does not start: tilthex-rt ended with {process.wait()}")
+        # What it prints is not needed, but must be read.
+        reader.start()
+        yield port
+    finally:
+        _end(process)
+        if reader.ident is not None:
+            reader.join()
+        process.stdout.close()
+
+
+def _end(process: subprocess.Popen[str]) -> None:
+    if process.poll() is not None:
+        return
+    process.send_signal(signal.SIGINT)
+    try:
+        process.wait(LANDING)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def _port(output: IO[str]) -> int | None:
+    for line in output:
+        if found := re.match(r"control socket at .*:(\d+)$", line.strip()):
+            return int(found[1])
+    return None
+
+
+def _drain(output: IO[str]) -> None:
+    for _ in output:
+        pass

@@ -1,0 +1,182 @@
+"""`tilthex view` on a log and on a flight, in a real server and, where there is one, in a real browser."""
+
+import contextlib
+import os
+import socket
+import threading
+import time
+from pathlib import Path
+
+import chromium
+import numpy as np
+import pytest
+import tilthex
+from test_programs import program
+from tilthex import __main__ as command
+from tilthex import log
+
+pytest.importorskip("viser", reason="viser is not installed: the page is not tested")
+
+from tilthex.view import cli, simulated
+from tilthex.view.live import Live
+from tilthex.view.replay import Replay
+from tilthex.view.sample import TOPICS, Flown, Pose
+
+pytestmark = pytest.mark.real_time
+
+DEFAULT = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory, flight):
+    path = tmp_path_factory.mktemp("view") / "flight.mcap"
+    path.write_bytes(flight)
+    return path
+
+
+@pytest.fixture(scope="module")
+def flown(path):
+    return Flown(path)
+
+
+def test_a_moment_is_what_the_log_has(path, flown):
+    topics = log.read(path, TOPICS)
+    times = topics["/flight"]["log_time"] - topics["/flight"]["log_time"][0]
+    for row in (0, len(times) // 2, len(times) - 1):
+        sample = flown.at(times[row])
+        assert sample.time == times[row]
+        assert np.array_equal(sample.robot.position, topics["/state"]["position_w"][row])
+        assert np.array_equal(sample.force, topics["/wrench"]["tool_w.force"][row])
+        assert np.array_equal(sample.rotor_speeds, topics["/rotors"]["measured"][row])
+        assert sample.phase == topics["/flight"]["phase"][row]
+    assert flown.at(-1.0).time == 0.0
+    # Between two samples, the earlier.
+    assert flown.at(0.5 * (times[5] + times[6])).time == times[5]
+    events = flown.events()
+    assert [what for _, what in events if what in ("starting", "flying", "landing")] == [
+        "starting", "flying", "landing"
+    ]  # fmt: skip
+    for at, what in events:
+        shown = flown.at(at)
+        assert what == shown.phase or what in shown.faults
+    operator = next(at for at, what in events if what == "operator")
+    assert "operator" in flown.at(operator).faults and "operator" not in flown.at(operator - 0.01).faults
+
+
+def test_the_slider_moves_the_vehicle(flown, served):
+    replay = Replay(served, flown, "flight.mcap")
+    flying = next(at for at, what in flown.events() if what == "landing")
+    replay.slider.value = flying
+    robot = served.scene.get_handle_by_name("/robot")
+    assert np.allclose(robot.position, flown.at(flying).robot.position, atol=1e-3)
+    assert robot.position[2] > 0.1
+
+
+def test_what_is_no_log_is_one_sentence(tmp_path, capsys):
+    (tmp_path / "no.mcap").write_bytes(b"no log")
+    assert command.main(["view", str(tmp_path / "no.mcap"), "--no-browser"]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+@contextlib.contextmanager
+def live(served, *arguments, config=None):
+    """The page of a simulated flight: its page, its port, and what it told the operator."""
+    program("tilthex-rt")
+    ended, told = threading.Event(), []
+    with simulated.flight(list(map(str, arguments))) as port:
+        connector = cli.connector(f"127.0.0.1:{port}", None)
+        page = Live(served, config or DEFAULT, connector, "sim")
+        tell = page.page.tell
+        page.page.tell = lambda title, text: (told.append(title), tell(title, text))
+        thread = threading.Thread(target=page.run, args=(ended,))
+        thread.start()
+        try:
+            yield page, port, told
+        finally:
+            ended.set()
+            thread.join()
+
+
+def until(done, patience=60.0):
+    end = time.monotonic() + patience
+    while not done():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+def test_orders_without_a_browser(served, tmp_path):
+    path = tmp_path / "flight.mcap"
+    with live(served, "--log", path) as (page, port, told):
+        until(lambda: page.pilot.newest is not None)
+        assert page.pilot.newest.phase == "disarmed"
+        page.pilot.order("zero bias", lambda flight: flight.zero_bias())
+        page.controls.sliders["stiffness"][2].value = 8.5
+        until(lambda: page.pilot.newest.controls is not None)
+        # What is no number is refused here, what cannot be now by the flight; neither ends the connection.
+        page.pilot.order("wrench", lambda flight: flight.set_wrench([np.nan, 0.0, 0.0]))
+        page.pilot.order("follow", lambda flight: flight.follow([0.0, 0.0, 1.0], np.eye(3)))
+        until(lambda: {"wrench is no order", "follow is refused"} <= set(told))
+        # Nobody looks at the page.
+        assert not page.presence()
+        page.pilot.urgent("kill", lambda flight: flight.kill())
+        until(lambda: "the flight has ended" in told or "the flight is gone" in told)
+        with pytest.raises(ConnectionError):
+            tilthex.connect(port=port).close()
+    orders = [message.json for _, message in log.Log(path).messages("/command")]
+    assert any('"stiffness":[6.0,6.0,8.5,10.0,10.0,5.0]' in order.replace(" ", "") for order in orders), (
+        orders
+    )
+
+
+def test_a_flight_is_steered_in_a_browser(served, tmp_path):
+    chromium.browser()
+    path, settings = tmp_path / "flight.mcap", tmp_path / "config.toml"
+    # A browser without a graphics card may be too slow for an operator.
+    settings.write_text('[vehicle]\npreset = "tilt-hex"\n[supervisor]\noperator_timeout = 60.0\n')
+    config, address = tilthex.Config.from_toml(settings), f"http://127.0.0.1:{served.get_port()}/"
+    phase = "(document.getElementById('tilthex-phase') || {}).innerText"
+    with (
+        live(served, "--config", settings, "--log", path, config=config) as (page, _, told),
+        chromium.opened(address, tmp_path / "profile") as tab,
+    ):
+        tab.wait(f"{phase} == 'disarmed'")
+        until(page.presence)
+        tab.click("take off")
+        tab.wait(f"{phase} == 'flying'")
+        until(lambda: page.pilot.newest.compliant)
+        start = page.pilot.newest.setpoint
+        goal = start.position + np.array([0.1, 0.0, 0.1])
+        page.controls.aim(Pose(goal, start.rotation))
+        tab.click("go to the gizmo")
+        until(lambda: np.allclose(page.pilot.newest.setpoint.position, goal, atol=1e-3))
+        tab.click("hold")
+        if os.environ.get("TILTHEX_WRITE_DOCS"):
+            time.sleep(20.0)
+            tab.picture(Path(__file__).parent.parent / "docs" / "images" / "view.png")
+        # Nobody looks any more, and somebody does again.
+        tab.command("Page.navigate", url="about:blank")
+        until(lambda: not page.presence())
+        tab.command("Page.navigate", url=address)
+        tab.wait(f"{phase} == 'flying'")
+        until(page.presence)
+        tab.press("K", modifiers=8)
+        until(lambda: "the flight has ended" in told or "the flight is gone" in told)
+    assert any(message.kill for _, message in log.Log(path).messages("/input"))
+
+
+def test_an_operator_who_is_away_is_not_heard():
+    asked, here = [], threading.Event()
+
+    def present():
+        asked.append(here.is_set())
+        return asked[-1]
+
+    ours, theirs = socket.socketpair()
+    with theirs, tilthex.Flight(ours, present=present):
+        until(lambda: len(asked) > 1)
+        theirs.setblocking(False)
+        with pytest.raises(BlockingIOError):
+            theirs.recv(1)
+        theirs.settimeout(60.0)
+        here.set()
+        assert b"heartbeat" in theirs.recv(100)
