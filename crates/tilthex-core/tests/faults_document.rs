@@ -52,7 +52,8 @@ fn the_document_is_the_table() {
     written("docs/faults.md", &text);
 }
 
-const PYTHON_HEAD: &str = "\"\"\"The faults that the supervisor knows, and its reactions; docs/faults.md has the same as a table.
+const PYTHON_HEAD: &str =
+    "\"\"\"The faults that the supervisor knows, and its reactions; docs/faults.md has the same as a table.
 
 Written by `TILTHEX_WRITE_DOCS=1 cargo test --workspace --test faults_document`; do not change it by hand.
 \"\"\"

@@ -32,6 +32,7 @@ class Charts:
         """Plots of at most `keep` samples."""
         self._config = config
         self._rows: deque[Array] = deque(maxlen=keep)
+        self._begin: float | None = None
         rotors = tuple(f"{i + 1}" for i in range(config.vehicle.rotor_count))
         both = tuple(f"{name} {what}" for what in ("reference", "set-point") for name in XYZ)
         self._plots = [
@@ -44,12 +45,14 @@ class Charts:
         self._widths = (6, 3, 3, 3, len(rotors))
 
     def add(self, sample: Sample) -> None:
-        """Adds a sample; `draw` shows it."""
+        """Adds a sample; `draw` shows it. Times count from the first."""
         speeds = np.full(self._widths[-1], np.nan)
         if len(sample.rotor_speeds) == len(speeds):
             speeds = sample.rotor_speeds
+        if self._begin is None:
+            self._begin = sample.time
         columns = (
-            [sample.time],
+            [sample.time - self._begin],
             sample.reference.position,
             sample.setpoint.position,
             1e3 * sample.position_error,

@@ -24,7 +24,8 @@ class Page:
         """A page whose plots keep `keep` samples."""
         self.server = server
         gui = server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="medium")
+        gui.main_panel.dock_right()
         gui.set_panel_label(f"tilthex: {title}")
         self.scene = Scene(server, config)
         self._status = gui.add_html("")
