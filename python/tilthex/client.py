@@ -52,7 +52,7 @@ def connect(
         timeout: Longest wait for an answer, s.
         path: The Unix socket (`--control unix:PATH`), instead of host and port.
         token: The content of the file of `--control-token-file`, if the flight requires it.
-        present: Says whether the operator is there. While it says no, the flight hears nothing of its operator.
+        present: Says whether the operator is there. While it says no, the flight hears nothing of it.
             A thread calls it. Without it, the operator is there while this program runs.
 
     Raises:
