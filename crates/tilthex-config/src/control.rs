@@ -56,28 +56,28 @@ section! {
         mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]) => "kg and kg m^2" by "set_admittance",
         /// D_E.
         damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]) => "N s/m and N m s/rad" by "set_admittance",
-        /// K_E. The rotational spring has a potential where no rotational stiffness is larger than the sum of the two others.
+        /// K_E. The rotational spring has a potential if no rotational stiffness is larger than the sum of the two others.
         stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]) => "N/m and N m/rad" by "set_admittance",
-        /// Tool forces up to this do not move the reference.
+        /// Tool forces up to this norm do not move the reference.
         force_dead_zone: f64 = 0.2 => "N" from 0.0 to 100.0,
-        /// Tool torques up to this do not turn the reference.
+        /// Tool torques up to this norm do not turn the reference.
         torque_dead_zone: f64 = 0.2 => "N m" from 0.0 to 100.0,
         /// Cut-off of the low-pass before the dead zones; 0 for none.
         low_pass_hz: f64 = 20.0 => "Hz" from 0.0 to 1e6,
-        /// For a tool whose turn about its own axis (z) does not matter: largest torque that turns the reference
-        /// about it to where hovering leaves the rotors more room; 0 for none.
+        /// For a tool whose rotation about its own axis (z) does not matter: the largest torque that turns the
+        /// reference about this axis towards attitudes in which the rotors have more room in a hover; 0 for none.
         room_torque: f64 = 0.0 => "N m" from 0.0 to 1000.0,
-        /// Largest speed to which a wrench set-point drives the tool where nothing resists it.
+        /// Largest speed to which a wrench set-point drives the tool if nothing resists it.
         max_wrench_speed: f64 = FreeWrenchParams::default().speed => "m/s" from 1e-3 to 10.0,
-        /// How far a wrench set-point carries the tool where nothing resists it.
+        /// Largest distance by which a wrench set-point moves the tool if nothing resists it.
         max_wrench_way: f64 = FreeWrenchParams::default().way => "m" from 0.0 to 100.0,
-        /// Largest angular velocity to which a wrench set-point drives the tool where nothing resists it.
+        /// Largest angular velocity to which a wrench set-point drives the tool if nothing resists it.
         max_wrench_spin_deg: f64 = 30.0 => "degrees/s" from 0.1 to 1e3,
-        /// How far a wrench set-point turns the tool where nothing resists it.
+        /// Largest angle by which a wrench set-point turns the tool if nothing resists it.
         max_wrench_turn_deg: f64 = 30.0 => "degrees" from 0.0 to 177.0,
-        /// Farthest the reference yields from the set-point.
+        /// Largest distance of the reference from the set-point.
         max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
-        /// Farthest the reference turns from the set-point.
+        /// Largest rotation of the reference from the set-point.
         max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
     }
 }
@@ -91,9 +91,9 @@ section! {
         rotor_drag: f64 = 0.0 => "N s/m per Hz" from 0.0 to 1.0,
         /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2" from 0.0 to 10.0,
-        /// Where that force acts, from the centre of mass, robot frame.
+        /// Point at which that force acts, from the centre of mass, robot frame.
         centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
-        /// Standard deviation of each component of the wind that may blow.
+        /// Standard deviation of each component of the wind.
         wind_deviation: f64 = ContactParams::default().wind.0 => "m/s" from 1e-3 to 50.0,
         /// Time in which the wind changes by `wind_deviation`.
         wind_time: f64 = ContactParams::default().wind.1 => "s" from 0.1 to 1e4,
@@ -103,7 +103,7 @@ section! {
         torque_noise: f64 = ContactParams::default().noise.1 => "N m" from 1e-4 to 10.0,
         /// Size of the force of a touch.
         touch_force: f64 = ContactParams::default().touch.0 => "N" from 1e-3 to 100.0,
-        /// Size of the torque of a touch about the tool: a point has none.
+        /// Size of the torque of a touch about the tool. A touch at the tip has none.
         touch_torque: f64 = ContactParams::default().touch.1 => "N m" from 1e-3 to 100.0,
     }
 }
@@ -111,9 +111,11 @@ section! {
 section! {
     /// The allocation of the wanted wrench to the rotors within their limits, (12).
     pub AllocationSection as "allocation" {
-        /// What is kept longest where the limits do not let all be had, most important first.
+        /// Order in which the parts of the wrench are kept if the limits do not allow all of them, most important
+        /// first.
         order: Vec<String> = Priority::ORDER.map(|p| p.name().into()).to_vec(),
-        /// Speeds are limited to what the rotors' lag lets them reach within this time; 0 for no such limit.
+        /// Speeds are limited to those that the rotors can reach within this time in spite of their lag; 0 for no
+        /// such limit.
         horizon: f64 = 0.0 => "s" from 0.0 to 10.0,
     }
 }
@@ -124,13 +126,13 @@ section! {
         /// "full": the reference's, turned if the force needs it; "minimal-tilt": level with the reference's heading, turned
         /// if the force needs it; "zero-tilt": always level; "fixed-tilt": always the reference's.
         mode: String = AttitudeMode::default().name().into(),
-        /// Part of each rotor's input range, at either end, that hovering leaves for torques.
+        /// Part of each rotor's input range, at either end, that a hover keeps free for torques.
         reserve: f64 = AttitudeParams::default().reserve => "1" from 0.0 to 0.45,
-        /// Largest turn for the sake of horizontal force, from the attitude nearest to the wanted one
-        /// in which the vehicle hovers; force that needs more is given up.
+        /// Largest turn for horizontal force, from the hover attitude that is nearest to the wanted attitude. Force
+        /// that needs a larger turn is given up.
         max_turn_deg: f64 = 35.0 => "degrees" from 0.0 to 85.9,
-        /// Of the turn's filter: a small turn takes about two by this. Large ones take longer, as the
-        /// rotors need.
+        /// Bandwidth of the turn's filter: a small turn takes about 2 divided by this. A large turn takes longer,
+        /// because of the rotors.
         bandwidth: f64 = AttitudeParams::default().bandwidth => "rad/s" from 0.1 to 500.0,
     }
 }

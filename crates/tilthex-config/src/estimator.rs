@@ -31,17 +31,18 @@ section! {
         body_position: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
         /// Captured body to robot frame: roll, pitch, yaw (yaw first).
         body_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
-        /// Probability with which a good pose passes the gate; beyond it poses are weighed. 1 switches the gate off.
+        /// Probability with which a good pose passes the gate; poses outside of the gate get a smaller weight. 1
+        /// switches the gate off.
         gate_probability: f64 = 0.9999 => "1" from 0.5 to 1.0,
-        /// Time over which late poses are applied.
+        /// Largest age of a late pose that is still applied.
         history: f64 = 0.3 => "s" from 0.02 to 1.0,
-        /// Constant latency taken off every pose's time; for capture systems that stamp on arrival.
-        /// Negative where it is the IMU that is late; `tilthex calibrate` finds it.
+        /// Constant latency that is subtracted from the time of every pose, for capture systems that stamp on
+        /// arrival. Negative if the IMU is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0 => "s" from -0.05 to 0.5,
-        /// Time without a pose that fits after which a rotation that five in a row agree on is believed against the
-        /// state.
+        /// If no pose has fitted for this time, and five poses in a row agree on a rotation, the estimator takes over
+        /// their rotation.
         reacquire_after: f64 = 0.3 => "s" from 0.0 to 60.0,
-        /// Cut-off of the angular acceleration that corrects the IMU's lever arm.
+        /// Cut-off frequency of the angular acceleration for the correction of the IMU's lever arm.
         angular_acceleration_hz: f64 = 20.0 => "Hz" from 0.1 to 1000.0,
         /// Standard deviation of the first position, each axis.
         initial_position: f64 = 0.01 => "m" from 1e-5 to 1e3,
@@ -53,7 +54,7 @@ section! {
         initial_gyro_bias: f64 = 0.02 => "rad/s" from 1e-7 to 0.5,
         /// Standard deviation of the accelerometer's bias without a start at rest, each axis.
         initial_accelerometer_bias: f64 = 0.2 => "m/s^2" from 1e-6 to 5.0,
-        /// Time over which rest is judged.
+        /// Time over which the vehicle must be at rest.
         rest_duration: f64 = 1.0 => "s" from 0.05 to 60.0,
         /// Largest standard deviation of a gyro axis at rest.
         rest_gyro_deviation: f64 = 0.05 => "rad/s" from 1e-6 to 10.0,

@@ -8,7 +8,7 @@ use super::section::section;
 section! {
     /// The link to the vehicle.
     pub LinkSection as "link" {
-        /// What the vehicle speaks: "tk3" (mikrokopter ESCs, chimera boards).
+        /// Protocol of the vehicle: "tk3" (mikrokopter ESCs, chimera boards).
         protocol: String = "tk3".into(),
         /// 57600, 115200, 500000, 2000000, or 0 to leave the speed alone (native USB, pseudo-terminals).
         baud: u32 = 500_000 => "bits/s",
@@ -18,11 +18,11 @@ section! {
         motor_rate: f64 = 250.0 => "Hz" from 0.5 to 2000.0,
         /// Rate of the battery's measurements.
         battery_rate: f64 = 1.0 => "Hz" from 0.5 to 2000.0,
-        /// From an inertial sample to the rotors' answer to it, beyond half a control period: line, computer and motor
-        /// controllers. Stability margins and derived gains count on it.
+        /// Delay from an inertial sample to the rotors' answer, in addition to half a control period: line, computer
+        /// and motor controllers. Stability margins and derived gains use it.
         loop_delay: f64 = 0.004 => "s" from 0.0 to 0.1,
-        /// How much older a measured rotor speed is than an inertial sample that arrives with it. Above 0 the rotors' lag and
-        /// the commands bring the speeds to the sample's time; 0 takes them as they come.
+        /// How much older a measured rotor speed is than an inertial sample that arrives with it. Above 0 the model of the
+        /// rotors brings the speeds to the sample's time; 0 takes the speeds as measured.
         rotor_speed_age: f64 = 0.0 => "s" from 0.0 to 0.05,
         /// One count of the accelerometer; 0 for the known value of the board.
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
@@ -34,12 +34,12 @@ section! {
 section! {
     /// Motion capture.
     pub MocapSection as "mocap" {
-        /// Where poses come from: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY", "vrpn://HOST/TRACKER[/SENSOR]" or "udp://SENDER/BODY"; empty for none.
+        /// Source of the poses: "natnet://HOST[:PORT]/BODY", "natnet+multicast://HOST/BODY", "vrpn://HOST/TRACKER[/SENSOR]" or "udp://SENDER/BODY"; empty for none.
         uri: String = String::new(),
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),
-        /// Age of a pose when it leaves a system that does not tell it (VRPN, or cameras without exposure times);
-        /// 0.08 at most, since older poses count as lost.
+        /// Age of a pose when it leaves a capture system that does not send this age (VRPN, or cameras without
+        /// exposure times). At most 0.08, because older poses count as lost.
         latency: f64 = 0.0 => "s" from 0.0 to 1.0,
     }
 }
@@ -51,21 +51,21 @@ section! {
         take_off_height: f64 = 0.6 => "m" from 0.05 to 100.0,
         /// Time of the first hover in which the observer's bias is learnt; 0 for none.
         bias_time: f64 = 2.0 => "s" from 0.0 to 60.0,
-        /// What is flown at the first hover to learn the model from, without contact: "none", "hover" (level) or
-        /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). What is learnt takes the
-        /// place of the bias.
+        /// The contact-free flight after the first hover from which the model is learnt: "none", "hover" (level) or
+        /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). The learnt model replaces
+        /// the bias.
         calibration: String = "none".into(),
-        /// Largest velocity on the way to a way-point.
+        /// Largest velocity between way-points.
         max_velocity: f64 = 0.4 => "m/s" from 1e-3 to 10.0,
-        /// Largest acceleration on the way to a way-point.
+        /// Largest acceleration between way-points.
         max_acceleration: f64 = 0.8 => "m/s^2" from 1e-3 to 20.0,
-        /// Largest angular velocity on the way to a way-point.
+        /// Largest angular velocity between way-points.
         max_angular_velocity_deg: f64 = 30.0 => "degrees/s" from 0.1 to 1e3,
-        /// Largest angular acceleration on the way to a way-point.
+        /// Largest angular acceleration between way-points.
         max_angular_acceleration_deg: f64 = 60.0 => "degrees/s^2" from 0.1 to 1e4,
         /// Speed of the descent to the ground.
         landing_speed: f64 = 0.25 => "m/s" from 0.05 to 1.0,
-        /// Farthest a streamed set-point may be from the one before.
+        /// Largest distance of a streamed set-point from the one before.
         max_setpoint_jump: f64 = 0.05 => "m" from 0.0 to 1.0,
     }
 }
@@ -92,15 +92,15 @@ section! {
         max_torque: f64 = 5.0 => "N m" from 0.01 to 1e3,
         /// Longest time from the first start command until all motors spin.
         start_timeout: f64 = 30.0 => "s" from 1.0 to 300.0,
-        /// Whether each motor is spun alone for a moment before all of them start, about half a second each: the right one
-        /// must turn, at its speed, and no other. Where one does not, no motor starts.
+        /// Whether each motor is spun alone, for about half a second, before all of them start. The right motor must
+        /// turn at its speed, and no other motor may turn; otherwise no motor starts.
         motor_check: bool = true,
-        /// The vehicle lands where it is farther than this from its start along x or y.
+        /// The vehicle lands if it is farther than this from its start along x or y.
         geofence: f64 = 3.0 => "m" from 0.1 to 1e4,
-        /// The vehicle lands where it is higher than this above its start.
+        /// The vehicle lands if it is higher than this above its start.
         geofence_height: f64 = 3.0 => "m" from 0.1 to 1e4,
-        /// Longest silence of the operator on the control socket while an order of theirs is flown; then the vehicle
-        /// holds, and lands later. 0 for no limit.
+        /// Longest silence of the operator on the control socket while the vehicle flies the operator's orders. After
+        /// it the vehicle holds, and lands later. 0 for no limit.
         operator_timeout: f64 = 2.0 => "s" from 0.0 to 3600.0,
     }
 }

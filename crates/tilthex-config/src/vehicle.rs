@@ -29,7 +29,7 @@ section! {
     /// The vehicle. Instead of these keys, or below them, `preset = "NAME"` or
     /// `file = "PATH"` (from this file's folder) name one; keys beside them override its own.
     pub(super) Body as "vehicle" {
-        /// What it is called.
+        /// Name of the vehicle.
         name: String = "unnamed".into(),
         /// Mass of vehicle and tool.
         mass: f64 = f64::NAN => "kg",
@@ -128,7 +128,7 @@ impl VehicleSection {
         Self::from_table(table_of_file(path)?, folder).map_err(|e| e.within(path.display()))
     }
 
-    /// What it is called.
+    /// Name of the vehicle.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.body.name

@@ -7,21 +7,22 @@ section! {
     /// Errors of the controller's model of the vehicle. Each is a number, { mean, std } (normal, cut at
     /// three deviations; mean 0 without) or { min, max } (uniform), drawn for each seed.
     pub ErrorSection as "truth.error" {
-        /// Mass, part of the model's.
+        /// Mass, fraction of the model's.
         mass: Spread = Spread::default() => "1",
-        /// Thrust coefficient of all rotors together, part of the model's.
+        /// Thrust coefficient of all rotors together, fraction of the model's.
         thrust: Spread = Spread::default() => "1",
-        /// Thrust coefficient of each rotor in addition, part; drawn for each rotor.
+        /// Thrust coefficient of each rotor in addition, fraction of the model's; drawn for each rotor.
         thrust_each: Spread = Spread::default() => "1",
-        /// Drag-moment coefficient of all rotors together, part.
+        /// Drag-moment coefficient of all rotors together, fraction of the model's.
         drag_moment: Spread = Spread::default() => "1",
-        /// Turn of the thrust axis about each of two axes normal to it; drawn for each rotor.
+        /// Rotation of the thrust axis about each of two axes normal to it; drawn for each rotor.
         rotor_axis_deg: Spread = Spread::default() => "degrees",
         /// Centre of mass; drawn for each robot axis. Rotors, tool, IMU and the captured body stay where they are.
         centre_of_mass: Spread = Spread::default() => "m",
-        /// Principal moments of inertia, part; drawn for each. Moments that no body has are drawn again.
+        /// Principal moments of inertia, fraction of the model's; drawn for each. Moments that no rigid body can have
+        /// are drawn again.
         inertia: Spread = Spread::default() => "1",
-        /// Time constant of the rotors' lag, part.
+        /// Time constant of the rotors' lag, fraction of the model's.
         rotor_lag: Spread = Spread::default() => "1",
         /// Tool tip; drawn for each robot axis.
         tool_tip: Spread = Spread::default() => "m",
@@ -39,17 +40,17 @@ section! {
         flapping: f64 = 0.0 => "N m s/m per Hz" from -1.0 to 1.0,
         /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2",
-        /// Where that force acts, from the centre of mass, robot frame.
+        /// Point at which that force acts, from the centre of mass, robot frame.
         centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m",
         /// Horizontal speed of the mean wind.
         wind_speed: f64 = 0.0 => "m/s" from 0.0 to 100.0,
-        /// Where it blows to, from world x towards y.
+        /// Direction to which the wind blows, from world x towards y.
         wind_direction_deg: f64 = 0.0 => "degrees",
         /// Upward speed of the mean wind.
         wind_up: f64 = 0.0 => "m/s",
         /// Standard deviation of the gusts in each direction; Dryden spectra (MIL-F-8785C, 3.7.2).
         gust_deviation: f64 = 0.0 => "m/s" from 0.0 to 50.0,
-        /// Their length.
+        /// Length scale of the gusts.
         gust_length: f64 = 20.0 => "m",
         /// Radius of the rotors, for `ground` and `wall`; 0 for no such effect.
         rotor_radius: f64 = 0.0 => "m" from 0.0 to 10.0,
@@ -57,7 +58,7 @@ section! {
         ground: Option<f64> = None => "m",
         /// Distance of a wall from the world's origin, in the direction of `wall_direction_deg`: air crosses the rotors near it (the same source and image).
         wall: Option<f64> = None => "m",
-        /// Where the wall is, from world x towards y.
+        /// Direction of the wall, from world x towards y.
         wall_direction_deg: f64 = 0.0 => "degrees",
     }
 }
@@ -67,7 +68,8 @@ section! {
     pub StructureSection as "truth.structure" {
         /// Moment of inertia of a rotor with the turning part of its motor: reaction to acceleration, and gyroscopic torque.
         rotor_inertia: f64 = 0.0 => "kg m^2" from 0.0 to 1.0,
-        /// Voltage at which a throttle gives the speed it names: thrust falls with the square of the voltage; 0 where commands are speeds.
+        /// Voltage at which a throttle gives the speed of the same name: thrust falls with the square of the voltage.
+        /// 0 if commands are speeds.
         throttle_voltage: f64 = 0.0 => "V" from 0.0 to 1000.0,
         /// Capacity of the battery (4 cells of lithium polymer).
         battery_capacity: f64 = 5.0 => "A h",

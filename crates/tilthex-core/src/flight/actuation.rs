@@ -16,9 +16,9 @@ use crate::{
     types::{RobotState, RotorVector},
 };
 
-/// From the lowest speeds to just below hover, s.
+/// Duration of the ramp from the lowest speeds to just below hover, s.
 pub(super) const RAMP: f64 = 3.0;
-/// Speeds at the end of the ramp, as a part of those in hover: the vehicle still stands.
+/// Speeds at the end of the ramp, divided by those in hover. The vehicle still stands.
 const RAMP_END: f64 = 0.95;
 
 impl Flight {
@@ -37,7 +37,7 @@ impl Flight {
                 self.accept(&ramped);
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
-                // At once: the supervisor waits whether it lasts.
+                // Without a wait; the supervisor waits whether the delay lasts.
                 let late = line_delay > LINE_LATE;
                 let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
@@ -66,7 +66,7 @@ impl Flight {
                     if guided.learn_bias {
                         self.watch_learning();
                     }
-                    // If the attitude is not known, thrust only drives the vehicle away.
+                    // If the attitude is not known, thrust would only drive the vehicle away.
                     if self.attitude_lost() {
                         self.command = self.min_speeds;
                     }
@@ -83,7 +83,8 @@ impl Flight {
         }
     }
 
-    /// Pose and twist when a command of this tick takes effect: a late line is late either way.
+    /// Pose and twist at the time at which a command of this tick takes effect: over a late line, samples and
+    /// commands are both late.
     fn state_at_arrival(&mut self, line_delay: f64, dt: f64) -> RobotState {
         let vehicle = &self.params.vehicle;
         let torque_r = vehicle.body_wrench(&self.rotor_model.expected()).torque;
@@ -92,13 +93,13 @@ impl Flight {
         if line_delay > 0.0 { self.pending.ahead(&robot, 2.0 * line_delay) } else { robot }
     }
 
-    /// An order to learn the bias: refused where the tool is in contact or the set-point moves.
+    /// Handles an order to learn the bias. It is refused if the tool is in contact or the set-point moves.
     pub(super) fn zero_bias(&mut self) {
         let free = self.output.is_some_and(|o| self.controller.is_small(&o.wrench_tool_w));
         self.bias_refused = !(free && self.guidance.zero_bias());
     }
 
-    /// Contact is not learnt as bias.
+    /// Ends the learning of the bias if there is contact.
     fn watch_learning(&mut self) {
         if !self.controller.can_be_bias(&self.control.bias_estimator) {
             self.control.bias_estimator = BiasEstimator::default();
@@ -107,7 +108,7 @@ impl Flight {
         }
     }
 
-    /// How an emergency goes down now.
+    /// The kind of descent of an emergency now.
     pub(super) fn descent(&self) -> Descent {
         // A NaN counts as unknown.
         let known = self.known.is_some() || self.estimator.health().velocity_deviation <= VELOCITY_DEVIATION;
@@ -127,15 +128,15 @@ impl Flight {
         let active = self.supervisor.active();
         let unfelt = active.contains(Fault::ImuSilent);
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
-        // It is a matter of a tenth of a second how far aside it comes down.
+        // A tenth of a second decides how far aside the vehicle comes down.
         let turned_over = so3::tilt(&self.robot_state().rotation_wr) > self.params.watch.max_tilt;
         turned_over && powerless
             || active.contains(Fault::Tilt) && unfelt
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt
     }
 
-    /// Rotors that the allocator must do without, once the supervisor counts a fault of theirs. Bits alone do
-    /// not tell: the line has no checksum, and a motor that turns as it should carries.
+    /// Rotors that the allocator must do without, as soon as the supervisor counts a fault of theirs. The state bits
+    /// alone are not sufficient: the line has no checksum, and a motor that turns as it should carries.
     pub(super) fn lose_rotors(&mut self, stopped: u16) {
         let active = self.supervisor.active();
         let counted = [Fault::MotorEmergency, Fault::MotorNotSpinning, Fault::ThrustLost]
@@ -149,7 +150,7 @@ impl Flight {
         }
     }
 
-    /// Takes a command that is finite, cut to the rotors' limits; keeps the last one otherwise.
+    /// Takes a command that is finite, limited to the rotors' limits; otherwise keeps the last one.
     fn accept(&mut self, command: &RotorVector) -> bool {
         let finite = command.iter().all(|w| w.is_finite());
         if finite {

@@ -17,7 +17,7 @@ pub struct AirborneStart {
     pub position_w: Vector3,
     /// Rotation of the captured body: maps its coordinates to the world's.
     pub rotation_wc: Matrix3,
-    /// Set-point of the tool from the first tick on; `None` holds the tool where it is.
+    /// Set-point of the tool from the first tick on; `None` holds the tool at its pose.
     pub trajectory: Option<Trajectory>,
 }
 
@@ -40,8 +40,8 @@ impl Flight {
         Ok(())
     }
 
-    /// Says from now on whether this is a contact-free hover to learn the bias from, whatever the
-    /// guidance does: for a caller who knows.
+    /// Says from now on whether this is a contact-free hover to learn the bias from. It overrides the guidance, for a
+    /// caller who knows it.
     pub fn set_learning(&mut self, learns: bool) {
         self.learns = learns;
     }

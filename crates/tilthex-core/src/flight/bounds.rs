@@ -1,4 +1,4 @@
-//! Where the flight may be and how a landing must go on: watched on the estimate, whatever it rests on.
+//! The bounds of the flight, and the progress of a landing, watched on the estimate from whatever sensors it comes.
 
 use super::{fence::Fence, landing::ATTEMPTS};
 use crate::{
@@ -9,10 +9,10 @@ use crate::{
     types::{RobotState, Vector3},
 };
 
-/// The lowest point of a descent counts as passed by this much, m.
+/// A descent makes progress if it falls below its lowest point by this much, m.
 const PROGRESS: f64 = 0.05;
 
-/// A descent, as far as it has come.
+/// The progress of a descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Progress {
     from_w: Vector3,
@@ -34,28 +34,28 @@ pub(super) struct Bounds {
 pub(super) struct Outside {
     /// The vehicle is outside the fence.
     pub(super) fence: bool,
-    /// The landing does not come down.
+    /// The landing makes no progress.
     pub(super) landing: bool,
 }
 
 impl Bounds {
-    /// The flight begins at a place, on the ground or in the air.
+    /// The flight begins at a position, on the ground or in the air.
     pub(super) fn begin(&mut self, start_w: &Vector3, on_ground: bool) {
         *self = Self { start_w: Some(*start_w), on_ground, descent: None };
     }
 
-    /// Where the flight began, m, world.
+    /// Position at which the flight began, m, world.
     pub(super) fn start(&self) -> Option<Vector3> {
         self.start_w
     }
 
-    /// Height above the ground that the flight began on, m; `None` if it began in the air.
+    /// Height above the ground on which the flight began, m; `None` if it began in the air.
     pub(super) fn height(&self, position_w: &Vector3) -> Option<f64> {
         self.start_w.filter(|_| self.on_ground).map(|start_w| position_w.z - start_w.z)
     }
 
-    /// One tick; `fast` is whether the vehicle is faster than it may be, `attempts` how often
-    /// something has stopped its descent.
+    /// One tick. `fast` says whether the vehicle is faster than allowed; `attempts` is how often something has
+    /// stopped its descent.
     pub(super) fn step(
         &mut self,
         fence: &Fence,
@@ -78,7 +78,7 @@ impl Bounds {
         }
         descent.stopped += dt;
         let away_w = robot.position_w - descent.from_w;
-        // Without a position an emergency drifts; that alone is no failure of it.
+        // Without a position an emergency drifts; the drift alone is not a failure of the descent.
         let aside = phase == Phase::Landing && away_w.xy().norm() > LANDING_ASIDE;
         descent.fails |= descent.stopped > LANDING_STOPS
             || away_w.z > LANDING_RISES

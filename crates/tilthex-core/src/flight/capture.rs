@@ -1,8 +1,8 @@
-//! Poses that lie: repeated to the bit, a tracker's default, or against what the IMU feels.
+//! Poses that are false: exactly repeated, a tracker's default, or in contradiction to the IMU.
 //!
-//! A capture system may repeat the pose of a body that it has lost, with or without noise, and call it tracked. Such
-//! poses agree with each other, and an estimator that follows them sees no contradiction until it is fast. So the
-//! motion of the last second is reckoned by the IMU alone, with the biases that it had at rest.
+//! A capture system may repeat the pose of a body that it has lost, with or without noise, and mark it as tracked.
+//! Such poses agree with each other, and an estimator that follows them sees no contradiction until the vehicle is
+//! fast. Therefore the motion of the last second is computed from the IMU alone, with the biases that it had at rest.
 
 use super::gyro_doubt::{BIAS, GyroDoubt};
 use crate::{
@@ -15,18 +15,18 @@ use crate::{
     vehicle::Vehicle,
 };
 
-/// An accelerometer that is wrong explains at least this part of a contradiction.
+/// A wrong accelerometer explains at least this part of a contradiction.
 const PART: f64 = 0.4;
-/// The force that it shows to the side is at most this part of the force along the contradiction.
+/// The sideways force that it shows is at most this part of the force along the contradiction.
 const ACROSS: f64 = 0.6;
 
 /// The gyro explains at most this many contradictions in a row.
 const EXCUSED: u32 = 3;
 /// The mean acceleration of a contradiction is taken over at least this time, s.
 const SHORTEST: f64 = 0.1;
-/// This much of the estimate's attitude the reckoned one takes over from one window to the next.
+/// The computed attitude follows that of the estimate by this part from one window to the next.
 const FOLLOWS: f64 = 0.05;
-/// How far the IMU alone may drift, m/s and m/s^2.
+/// Largest drift of the IMU alone, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
 /// Time that poses need to correct the state after a blow, s: the samples show only a part of a blow.
 const SETTLES: f64 = 0.3;
@@ -35,7 +35,7 @@ const GAP: f64 = 0.01;
 /// A difference of up to this many standard deviations (of the estimate and of the missing samples) is no contradiction.
 const DEVIATIONS: f64 = 3.0;
 
-/// A motion as the IMU alone has it.
+/// A motion, computed from the IMU alone.
 #[derive(Clone, Copy, Debug)]
 struct Window {
     reckoned: Navigation,
@@ -46,12 +46,12 @@ struct Window {
     without: f64,
     /// Variance of the velocity that the samples may have missed, (m/s)^2.
     missed: f64,
-    /// Deviations of position and velocity that it began with, m and m/s.
+    /// Deviations of position and velocity at its begin, m and m/s.
     began: (f64, f64),
 }
 
 impl Window {
-    /// From a state on, with the biases of another.
+    /// A window that begins with a state, and uses the biases of another.
     fn from(state: &Navigation, rest: &Navigation, length: f64, began: (f64, f64)) -> Self {
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
@@ -59,13 +59,13 @@ impl Window {
         Self { reckoned, from_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
     }
 
-    /// Whether the accelerometer explains a contradiction. The rotors are the third witness: an accelerometer that is
-    /// wrong shows a force that does not exist.
+    /// Whether the accelerometer explains a contradiction. The rotors are the third source: a wrong accelerometer
+    /// shows a force that does not exist.
     fn shows_a_force(&self, state: &Navigation, external_r: &Wrench, vehicle: &Vehicle) -> bool {
         let off_velocity_w = state.velocity_w - self.reckoned.velocity_w;
         let needed_w = -vehicle.mass() * off_velocity_w / self.time.max(SHORTEST);
         let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
-        // A force that begins within the window is larger than its mean over the self.
+        // A force that begins within the window is larger than its mean over the window.
         let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
         let across = (force_w.norm_squared() - along * along).max(0.0);
         along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
@@ -76,7 +76,7 @@ impl Window {
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct CaptureWatch {
     last: Option<(Vector3, Matrix3)>,
-    /// When the last pose was first seen, s, and how often it came again.
+    /// When the last pose was first seen, s, and how often it was repeated.
     since: f64,
     repeats: u32,
     moves: bool,
@@ -87,15 +87,17 @@ pub(super) struct CaptureWatch {
     window: Option<Window>,
     /// Turns that the gyro showed and the rotors did not make.
     doubt: GyroDoubt,
-    /// Time for which nothing is compared after a blow, s.
+    /// Time after a blow in which nothing is compared, s.
     settles: f64,
-    /// Whether the gyro's bias has changed since the vehicle rested, and how many contradictions in a row that has explained.
+    /// Whether the gyro's bias has changed since the vehicle was at rest, and how many contradictions in a row this
+    /// has explained.
     stepped: bool,
     excused: u32,
     lies: bool,
 }
 
-/// A contradiction: the state by the IMU alone, and the estimate that follows the poses; where both began, m, world.
+/// A contradiction: the state from the IMU alone, the estimate that follows the poses, and the begin of both, m,
+/// world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Contradiction {
     pub(super) reckoned: Navigation,
@@ -114,20 +116,22 @@ pub(super) enum Verdict {
 }
 
 impl CaptureWatch {
-    /// Whether poses repeat themselves to the bit.
+    /// Whether poses are repeated exactly.
     pub(super) fn frozen(&self) -> bool {
         self.frozen
     }
 
-    /// Whether poses contradict the IMU: none is used from then on.
+    /// Whether poses contradict the IMU. From then on no pose is used.
     pub(super) fn lies(&self) -> bool {
         self.lies
     }
 
-    /// Whether a pose may be one: not the same again and again, while the IMU shows that the vehicle lives, and no default.
+    /// Whether a pose may be true: it is not an exact repetition while the IMU's readings change, and not a tracker's
+    /// default.
     pub(super) fn admits(&mut self, pose: &PoseSample) -> bool {
         let this = (pose.position_w, pose.rotation_wr);
-        // A lost body's rotation may stand still to the bit under noise of its position, or the other way round.
+        // The rotation of a lost body may be exactly constant although its position has noise, or the other way
+        // round.
         let same =
             self.last.is_some_and(|(position_w, rotation_wr)| position_w == this.0 || rotation_wr == this.1);
         if same {
@@ -141,7 +145,7 @@ impl CaptureWatch {
         !(self.frozen || default || self.lies)
     }
 
-    /// The vehicle rests: what its IMU shows now are biases.
+    /// The vehicle is at rest: the readings of its IMU are biases.
     pub(super) fn rests(&mut self, state: &Navigation) {
         (self.rest, self.window, self.stepped) = (Some(*state), None, false);
     }
@@ -169,7 +173,7 @@ impl CaptureWatch {
         }
     }
 
-    /// A blow, or no valid readings of the IMU: the state can be wrong until poses have corrected it.
+    /// A blow, or invalid readings of the IMU: the state can be wrong until poses have corrected it.
     pub(super) fn struck(&mut self) {
         (self.window, self.settles) = (None, SETTLES);
     }
@@ -192,7 +196,7 @@ impl CaptureWatch {
             return None;
         }
         if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
-            // What poses have shown of the gyro's bias since.
+            // The gyro's bias, as poses have shown it since then.
             rest.gyro_bias_i = state.gyro_bias_i;
             self.rest = Some(rest);
         }
@@ -203,7 +207,7 @@ impl CaptureWatch {
         let window = self.window.get_or_insert(fresh);
         window.without = window.without.max(health.position_age);
         let window = *window;
-        // Without poses the IMU's errors grow, and honest poses correct them.
+        // Without poses the errors of the IMU grow; true poses correct them.
         let drift = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
         let missed = DEVIATIONS * (libm::sqrt(window.missed) + window.began.1);
         let slack = drift + missed * window.time + DEVIATIONS * (window.began.0 + certain.0);
@@ -213,7 +217,7 @@ impl CaptureWatch {
         let (far, fast) = CAPTURE_AGREES;
         let contradicts = off_w.norm() > far + slack || off_velocity_w.norm() > fast + slack_velocity;
         if window.time > window.length {
-            // Its attitude goes on by the gyro: that of the estimate may follow poses that stand still.
+            // The computed attitude follows the gyro, because the estimate may follow poses that are constant.
             let own = window.reckoned.rotation_wi;
             let apart = so3::log(&(own.transpose() * state.rotation_wi));
             let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
@@ -242,13 +246,14 @@ impl CaptureWatch {
         }))
     }
 
-    /// Whether the gyro, and not the poses, explains that its attitude is `apart_i` rad, IMU axes, from that of the poses.
+    /// Whether an error of the gyro explains that the attitude by the gyro is `apart_i` rad, IMU axes, away from that
+    /// of the poses.
     fn gyro_is_off(&self, state: &Navigation, apart_i: &Vector3) -> bool {
         let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
         learnt > BIAS.0 || self.doubt.explains(apart_i)
     }
 
-    /// The vehicle takes off from rest: its first motion is reckoned in one piece.
+    /// The vehicle takes off from rest: its first motion is computed in one window.
     pub(super) fn take_off(&mut self, state: &Navigation) {
         self.window = self.rest.map(|rest| Window::from(state, &rest, RECKONED_FIRST, (0.0, 0.0)));
     }

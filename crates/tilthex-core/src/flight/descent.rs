@@ -1,4 +1,4 @@
-//! The way down: how a landing begins, what stops it, and whether it goes on.
+//! The begin of a landing, obstacles on the way down, and the decision whether a landing continues.
 
 use super::{
     Flight,
@@ -15,19 +15,20 @@ use crate::{
     types::{RotorVector, Setpoint, Vector3},
 };
 
-/// A landing begins at the reference where the vehicle is this near to it, m: otherwise where the vehicle is.
+/// A landing begins at the reference if the vehicle is at most this far away from it, m; otherwise at the vehicle.
 const FOLLOWED: f64 = 0.15;
-/// A force at the tool above this, N, and above this part of the weight, is a contact to get away from.
+/// A force at the tool above this, N, and above this part of the weight, is a contact from which the vehicle
+/// retreats.
 const TOUCHES: (f64, f64) = (1.0, 0.05);
-/// How far, m.
+/// Distance of the retreat, m.
 const RETREAT: f64 = 0.15;
-/// The ground is at the height of the take-off, within this, m.
+/// The ground is at the height of the take-off to within this, m.
 const GROUND: f64 = 0.1;
-/// An estimate that is this many times as fast as the largest speed is beyond hope if no pose supports it.
+/// If an estimate is this many times as fast as the largest speed, and no pose supports it, it is unusable.
 const HOPELESS: f64 = 2.0;
 
 impl Flight {
-    /// A landing begins: away from what the tool touches, then down.
+    /// Begins a landing: first away from what the tool touches, then down.
     pub(super) fn begin_landing(&mut self, before: Phase) {
         let actual = self.actual_tool();
         let near = |reference: &Setpoint| (reference.position_w - actual.position_w).norm() < FOLLOWED;
@@ -37,7 +38,7 @@ impl Flight {
         self.land_from(&from, &retreat_w);
     }
 
-    /// Away from what the tool touches, along the force that it exerts, m; downwards goes the landing itself.
+    /// The retreat from what the tool touches, along the force on the tool, m, without a downward part.
     fn retreat(&self) -> Vector3 {
         let Some(output) = self.output.filter(|_| self.lost == 0) else { return Vector3::zeros() };
         let mut force_w = output.wrench_tool_w.force;
@@ -51,14 +52,15 @@ impl Flight {
         }
     }
 
-    /// Straight down from a pose; the admittance filter brings the reference's motion to rest.
+    /// Begins a descent straight down from a pose. The admittance filter stops the motion of the reference.
     pub(super) fn land_from(&mut self, from: &Setpoint, retreat_w: &Vector3) {
         self.guidance.begin_landing(from, retreat_w, self.params.vehicle.tool());
         let rest = Setpoint::hold(from.position_w, from.rotation_we);
         self.control.admittance = AdmittanceState::at(from, &rest);
     }
 
-    /// Whether the ground carries the vehicle, by the last tick's forces; and what the rotors carry in this one.
+    /// Whether the ground carries the vehicle, by the forces of the last tick. Sets the lift of the rotors for this
+    /// tick.
     pub(super) fn descend(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) -> bool {
         let descends = matches!(self.supervisor.phase(), Phase::Landing | Phase::Emergency);
         self.lift = FREE;
@@ -106,7 +108,7 @@ impl Flight {
         Fence { sideways: self.params.watch.geofence, up: self.params.watch.geofence_height }
     }
 
-    /// Where the flight began, or would begin now, m, world.
+    /// Position at which the flight began, or would begin now, m, world.
     pub(super) fn start(&self) -> Option<Vector3> {
         let ready = self.estimator.is_initialized() || self.known.is_some();
         self.bounds.start().or_else(|| ready.then(|| self.robot_state().position_w))
@@ -126,8 +128,8 @@ impl Flight {
         self.start().is_none_or(holds)
     }
 
-    /// The geofence, and whether a landing comes down.
-    /// Before the start, whether the route that waits leaves it is returned.
+    /// Watches the geofence and the progress of a landing. Before the start, returns whether the waiting route leaves
+    /// the geofence.
     pub(super) fn watch_bounds(&mut self, phase: Phase, conditions: &mut FaultSet, dt: f64) -> bool {
         let watch = &self.params.watch;
         let robot = self.robot_state();

@@ -6,20 +6,20 @@ use crate::{
     vehicle::Mounting,
 };
 
-/// A box around the start, of the robot's origin.
+/// A box around the start, for the robot's origin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fence {
     /// Half its width along x and y, m.
     pub sideways: f64,
-    /// How high it is above the start, m.
+    /// Its height above the start, m.
     pub up: f64,
 }
 
-/// Orders keep this distance to the fence, m, or this part of its size where that is less.
+/// Orders keep this distance from the fence, m, or this part of its size if that is less.
 const INSIDE: (f64, f64) = (0.1, 0.1);
 
 impl Fence {
-    /// The box that orders may lead to.
+    /// The box for the poses that orders may command.
     #[must_use]
     pub fn of_orders(&self) -> Self {
         let (least, part) = INSIDE;
@@ -27,14 +27,14 @@ impl Fence {
         Self { sideways: within(self.sideways), up: within(self.up) }
     }
 
-    /// How far a place is outside, m; negative inside. Both in the world.
+    /// Distance of a position from the box, m; negative inside. Both positions in the world.
     #[must_use]
     pub fn beyond(&self, start_w: &Vector3, position_w: &Vector3) -> f64 {
         let way_w = position_w - start_w;
         (way_w.x.abs().max(way_w.y.abs()) - self.sideways).max(way_w.z - self.up)
     }
 
-    /// Whether orders may lead the tool to a pose (m and rotation, world): there the vehicle is inside.
+    /// Whether orders may command a pose of the tool (m and rotation, world): the vehicle is then inside the box.
     #[must_use]
     pub fn holds(
         &self,
@@ -46,7 +46,7 @@ impl Fence {
         self.of_orders().beyond(start_w, &robot_position(tool, position_w, rotation_we)) <= 0.0
     }
 
-    /// The first way-point (from 0) of a route that does not.
+    /// The first way-point (from 0) of a route that is outside.
     #[must_use]
     pub fn leaves(&self, start_w: &Vector3, tool: &Mounting, route: &Route) -> Option<usize> {
         let out = |(position_w, rotation_we)| !self.holds(start_w, tool, position_w, rotation_we);
@@ -54,7 +54,7 @@ impl Fence {
     }
 }
 
-/// Where the robot is, m, world, with its tool in a pose.
+/// Position of the robot, m, world, when its tool has a pose.
 #[must_use]
 pub fn robot_position(tool: &Mounting, position_w: &Vector3, rotation_we: &Matrix3) -> Vector3 {
     position_w - rotation_we * (tool.rotation_r.transpose() * tool.position_r)

@@ -26,35 +26,36 @@ pub struct GuidanceParams {
     pub bias_time: f64,
     /// The calibration flight after the first hover, from which the model is learnt.
     pub calibration: Calibration,
-    /// Limits of take-off and of the way to a route's first way-point.
+    /// Limits of take-off and of the motion to a route's first way-point.
     pub limits: Limits,
     /// Speed of the descent, m/s.
     pub landing_speed: f64,
     /// Largest rates of streamed set-points.
     pub stream: Limits,
-    /// Streamed set-points may jump by at most this far, m.
+    /// Largest distance of a streamed set-point from the one before, m.
     pub max_setpoint_jump: f64,
 }
 
-/// The mission's clock takes this long to stop and to start again, s.
+/// Time in which the mission's clock stops, and in which it starts again, s.
 const SLOW_DOWN: f64 = 0.5;
-/// Downward acceleration where no speed is known, m/s^2: what may be a climb has to end, and from 1 m it makes 1.7 m/s.
+/// Downward acceleration if no speed is known, m/s^2. It must end a possible climb; from a height of 1 m it gives 1.7
+/// m/s.
 const BLIND_ACCELERATION: f64 = 1.5;
 
-/// How an emergency goes down.
+/// The kind of descent in an emergency.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Descent {
     /// At the speed of a landing.
     Steady,
-    /// Faster: without a rotor that it takes to hover.
+    /// Faster: a rotor that a hover needs is lost.
     Adrift,
-    /// With a little less thrust than the weight: without a speed to go by.
+    /// With a little less thrust than the weight, because no speed is known.
     Blind,
-    /// Wherever it is: a descent that did not come down.
+    /// At any place: an earlier descent did not come down.
     Forced,
 }
 
-/// The part of the flight that is being flown.
+/// The present part of the flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Ground,
@@ -79,7 +80,7 @@ pub(super) struct Guidance {
     followed_age: f64,
     room: Room,
     wrench_w: Option<Wrench>,
-    /// Whether a landing first gets away from what the tool touches.
+    /// Whether a landing first moves away from what the tool touches.
     retreats: bool,
     sink: Sink,
     detour: Detour,
@@ -120,7 +121,7 @@ impl Guidance {
         }
     }
 
-    /// Whether take-off and the bias hover are over.
+    /// Whether take-off and bias hover are over.
     #[must_use]
     pub(super) fn ready(&self) -> bool {
         matches!(self.stage, Stage::Mission | Stage::Follow) && self.hover_time >= self.params.bias_time
@@ -149,7 +150,7 @@ impl Guidance {
         self.stage == Stage::Follow && self.followed_age > SETPOINT_STALE
     }
 
-    /// In the air, at rest on the start of a trajectory, ready for the mission.
+    /// Begins in the air, at rest on the start of a trajectory, ready for the mission.
     pub(super) fn begin_in_air(&mut self, trajectory: &Trajectory) {
         self.trajectory = *trajectory;
         self.time = 0.0;
@@ -157,7 +158,7 @@ impl Guidance {
         self.hover_time = self.params.bias_time;
     }
 
-    /// From the ground, straight up and level, heading kept.
+    /// Begins a take-off from the ground, straight up and level, with the present heading.
     pub(super) fn begin_take_off(&mut self, robot: &RobotState, tool: &Mounting) {
         let level = level(&robot.rotation_wr);
         let here = tool_waypoint(robot.position_w, &level, tool);
@@ -170,7 +171,7 @@ impl Guidance {
         self.hover_time = 0.0;
     }
 
-    /// What follows the end of take-off: the calibration, after which no bias is left to learn, or the mission.
+    /// Begins what follows the take-off: the calibration, after which there is no bias to learn, or the mission.
     fn begin_calibration(&mut self, vehicle: &Vehicle) {
         self.stage = Stage::Mission;
         let kind = self.params.calibration;
@@ -227,8 +228,8 @@ impl Guidance {
         }
     }
 
-    /// Takes a streamed set-point. Returns false, and keeps the last one, if it is
-    /// not finite, no rotation, or further from the last than its rates allow.
+    /// Takes a streamed set-point. Returns false, and keeps the last one, if it is not finite, not a rotation, or
+    /// farther from the last one than the rates allow.
     pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
         let last = self.sample();
         let sound = setpoint.is_finite() && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
@@ -246,7 +247,7 @@ impl Guidance {
         self.wrench_w = wrench_w;
     }
 
-    /// Moves the set-points with a world that has jumped by `by_w`, m.
+    /// Moves the set-points together with a world that has jumped by `by_w`, m.
     pub(super) fn shift(&mut self, by_w: Vector3) {
         self.detour.offset_w += by_w;
     }
@@ -262,7 +263,7 @@ impl Guidance {
         at_rest
     }
 
-    /// Ends the hover to learn from before its time.
+    /// Ends the hover for learning before its time.
     pub(super) fn end_learning(&mut self) {
         self.hover_time = self.params.bias_time;
     }
@@ -325,7 +326,7 @@ impl Guidance {
         setpoint.position_w += self.detour.offset_w;
         setpoint.velocity_w += self.detour.velocity_w;
         setpoint.acceleration_w += self.detour.acceleration_w;
-        // Its time passes while the vehicle holds, too: nothing waits for a hover that never comes.
+        // The time also passes while the vehicle holds, so that a hover that never comes delays nothing.
         let learning = self.stage == Stage::Mission && self.hover_time < self.params.bias_time;
         if self.stage == Stage::Mission {
             self.hover_time += dt;
@@ -351,7 +352,7 @@ impl Guidance {
     }
 
     fn fly(&mut self, from: Waypoint, way: &[Waypoint], limits: &Limits) {
-        // Way-points from a finite state and validated limits; otherwise stay.
+        // Way-points from a finite state and validated limits are accepted; otherwise the vehicle stays.
         self.trajectory = Trajectory::new(from, way, limits)
             .unwrap_or_else(|_| Trajectory::hold(from.position_w, from.rotation_we));
         self.time = 0.0;
@@ -359,18 +360,18 @@ impl Guidance {
     }
 }
 
-/// Level where it is: neither a position nor a heading is commanded.
+/// A level set-point at the present position: neither a position nor a heading is commanded.
 fn descend(robot: &RobotState, tool: &Mounting) -> Setpoint {
     let w = tool_waypoint(robot.position_w, &level(&robot.rotation_wr), tool);
     Setpoint::hold(w.position_w, w.rotation_we)
 }
 
-/// The same heading, level: body x stays in its vertical plane.
+/// A level rotation with the same heading: body x stays in its vertical plane.
 fn level(rotation_wr: &Matrix3) -> Matrix3 {
     so3::rot_z(heading(rotation_wr))
 }
 
-/// The angle of body x in the horizontal plane from the world's, rad.
+/// Angle of body x in the horizontal plane from world x, rad.
 fn heading(rotation_wr: &Matrix3) -> f64 {
     libm::atan2(rotation_wr[(1, 0)], rotation_wr[(0, 0)])
 }

@@ -9,11 +9,12 @@ use crate::{types::Vector3, vehicle::Vehicle};
 const FADES: f64 = 0.7;
 /// Time constant of its largest value, s, if that can be a change of the bias.
 const REMEMBERED: f64 = 12.0;
-/// Least and largest change of a gyro's bias, rad/s. Noise makes less; a hand or a wall makes more.
+/// Smallest and largest change of a gyro's bias, rad/s. Noise causes smaller ones; a hand or a wall causes larger
+/// ones.
 pub(super) const BIAS: (f64, f64) = (0.03, 0.35);
 /// The angle between gyro and poses is at most this time, s, multiplied by the change of the bias.
 const LONGEST: f64 = 10.0;
-/// A smaller angle between gyro and poses than this, rad, is not used.
+/// A smaller angle than this between gyro and poses, rad, is not used.
 const LEAST: f64 = 0.01;
 /// A component that is less than this part of the angle is not used.
 const MINOR: f64 = 0.4;
@@ -39,7 +40,7 @@ impl GyroDoubt {
         }
     }
 
-    /// Whether it explains how far the attitude by the gyro is from that of the poses, rad, IMU axes.
+    /// Whether it explains the angle between the attitude by the gyro and that of the poses, rad, IMU axes.
     pub(super) fn explains(&self, apart_i: &Vector3) -> bool {
         let least = LEAST.max(MINOR * apart_i.norm());
         apart_i.norm() > LEAST

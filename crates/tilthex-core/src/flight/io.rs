@@ -8,10 +8,10 @@ use crate::{
     types::{PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
 
-/// Most poses a tick takes in.
+/// Largest number of poses in a tick.
 pub const MAX_POSES: usize = 4;
 
-/// Way-points to fly from wherever the tool's set-point is.
+/// Way-points to fly from the present set-point of the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Route {
     waypoints: [Waypoint; MAX_WAYPOINTS],
@@ -34,7 +34,7 @@ impl Route {
         Ok(Self { waypoints: padded, count: waypoints.len(), limits: *limits })
     }
 
-    /// The way-points of a trajectory, its start the first; `limits` may make it slower than it was.
+    /// The way-points of a trajectory, beginning with its start; `limits` may make it slower.
     ///
     /// # Errors
     /// More way-points than [`MAX_WAYPOINTS`], or limits that [`Trajectory::new`] refuses.
@@ -58,29 +58,29 @@ impl Route {
         self.waypoints.get(..self.count).unwrap_or(&[])
     }
 
-    /// The limits on the way.
+    /// The limits between way-points.
     #[must_use]
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 }
 
-/// An order to a running flight, already validated. To land and to kill are not among them: they are
-/// [`HostFacts`], which are read in every tick and wait behind nothing.
+/// An order to a running flight, already validated. The orders to land and to kill are not among them: they are
+/// [`HostFacts`], which are read in every tick and wait behind no other order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // kept in pre-sized rings; a box would allocate
 pub enum Command {
     /// Start the motors and take off.
     TakeOff,
-    /// Fly a route from where the set-point is.
+    /// Fly a route from the present set-point.
     Play(Route),
-    /// Follow streamed set-points; stale after 0.2 s.
+    /// Follow streamed set-points; they are stale after `SETPOINT_STALE`.
     Follow(Setpoint),
     /// Use other admittance parameters from now on; the reference does not jump.
     SetAdmittance(AdmittanceFilter),
-    /// The wrench the tool shall exert, in place of the trajectory's (world, at the tip).
+    /// The wrench that the tool shall exert, instead of the trajectory's (world, at the tip).
     SetWrench(Wrench),
-    /// Take the trajectory's wrench again.
+    /// Return to the wrench of the trajectory.
     ReleaseWrench,
     /// Learn the observer's bias from a contact-free hover, from now on for the configured time.
     ZeroBias,
@@ -91,9 +91,9 @@ pub enum Command {
 pub struct HostFacts {
     /// A signal, an order or the end of the duration asks to land.
     pub land: bool,
-    /// The operator's order to stop the motors at once, wherever the vehicle is.
+    /// The operator's order to stop the motors at once.
     pub kill: bool,
-    /// The operator, whose orders are flown, has been silent for longer than is allowed.
+    /// The operator whose orders are flown has been silent for longer than allowed.
     pub operator_silent: bool,
     /// The port is gone.
     pub link_lost: bool,
@@ -114,7 +114,7 @@ pub struct Measured<'a> {
     pub command: Option<&'a Command>,
     /// Facts that only the host can observe.
     pub host: HostFacts,
-    /// The state, if it is known without the estimator: in a simulation without an estimator.
+    /// The state, if it is known without the estimator, as in a simulation without an estimator.
     pub known: Option<KnownState>,
 }
 
@@ -132,7 +132,7 @@ pub struct KnownState {
 pub enum MotorCommand {
     /// Every motor shall stand still.
     Stop,
-    /// This motor alone, from 0, shall start and turn at its speed of these, Hz; every other shall stand still.
+    /// This motor alone, from 0, shall start and turn at its speed of these, Hz; all other motors shall stand still.
     Alone(usize, RotorVector),
     /// Motors that do not spin shall start; those that do shall turn at these speeds, Hz.
     Start(RotorVector),

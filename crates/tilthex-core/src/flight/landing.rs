@@ -1,8 +1,8 @@
 //! The end of a descent: whether the ground stops it, and how a vehicle that does not come down is forced down.
 //!
-//! Missing thrust is not the ground: whatever pushes the tool upwards looks the same. So the vehicle is unloaded
-//! first: its rotors carry less and less of the weight, by command and not by control. A vehicle that stands stays
-//! in its place; a vehicle in the air moves, and flies on.
+//! Missing thrust does not show the ground, because everything that pushes the tool upwards causes it too. Therefore
+//! the vehicle is unloaded first: its rotors carry less and less of the weight, by command and not by control. A
+//! vehicle that stands on the ground stays at its place; a vehicle in the air moves, and continues to fly.
 
 use crate::types::Vector3;
 
@@ -12,13 +12,13 @@ const SHARE: f64 = 0.3;
 /// for the second where it is higher than the ground that it took off from.
 const FOLLOWS: f64 = 0.3;
 const BLOCKED: (f64, f64) = (0.2, 1.0);
-/// A vehicle lies still if it is no faster than this, m/s, for this long, s.
+/// A vehicle lies still if it is not faster than this, m/s, for this time, s.
 const STILL: (f64, f64) = (0.3, 0.2);
-/// A force that is felt carries after this long, s, however the vehicle moves; one that has toppled, or comes down
-/// without a rotor, bounces about.
+/// A force that is felt for this time, s, carries, however the vehicle moves: a vehicle that has toppled, or comes
+/// down without a rotor, bounces.
 const FELT: (f64, f64) = (0.5, 0.1);
-/// If pose and speed are known, a vehicle that has toppled must be no faster than this, m/s, for this long, s: a push can carry
-/// it as well, and then it moves.
+/// If pose and speed are known, a vehicle that has toppled must be slower than this, m/s, for this time, s. A push
+/// can carry it as well, but then it moves.
 const LIES_STILL: (f64, f64) = (0.12, 0.25);
 
 /// Parts of the weight that the rotors carry at the begin and at the end of unloading.
@@ -27,11 +27,12 @@ const LOADS: (f64, f64) = (0.7, 0.05);
 /// it is higher than the ground that it took off from.
 const UNLOAD: f64 = 0.6;
 const UNLOADED: (f64, f64) = (0.2, 1.5);
-/// A vehicle that stands changes its speed by less than this, m/s, and its tilt (as a cosine) by less than this.
+/// A vehicle that stands changes its speed by less than this, m/s, and the cosine of its tilt by less than this.
 const STANDS: (f64, f64) = (0.15, 0.02);
-/// Higher than this above the ground that it took off from, a vehicle that has toppled does not lie on it, m.
+/// A vehicle that has toppled does not lie on the ground if it is higher than this above the ground of its take-off,
+/// m.
 const LIES: f64 = 0.05;
-/// A descent that something else than the ground has stopped this often does not succeed.
+/// A descent fails if something other than the ground has stopped it this often.
 pub(super) const ATTEMPTS: u32 = 4;
 
 /// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
@@ -41,11 +42,11 @@ const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
 /// The ground carries a vehicle whose rotors carry at least this much less than its weight, as a part of it, where at least
 /// this part of what they lack is felt, in the mean over this time, s. The speed does not tell: without poses it may be wrong.
 const GROUND_CARRIES: (f64, f64, f64) = (0.08, 0.5, 0.3);
-/// A speed that has proved wrong is not used for this long, s: enough to feel whether the ground carries.
+/// A speed that was found wrong is not used for this time, s, which is enough to feel whether the ground carries.
 const DOUBTED: f64 = 1.5;
 /// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
 const FASTER: f64 = 5.0;
-/// A vehicle that is unloaded by force lies on something after this long, s.
+/// A vehicle that is unloaded by force counts as lying on something after this time, s.
 const FORCED_REST: f64 = 2.0;
 
 /// Measurements that show the ground.
@@ -57,15 +58,15 @@ pub(super) struct Seen {
     pub(super) observed_w: Option<Vector3>,
     /// Commanded speed of the descent, m/s; `None` if the descent goes by thrust alone.
     pub(super) sinks: Option<f64>,
-    /// Speed upwards, m/s: where no speed is known, its changes are right all the same.
+    /// Speed upwards, m/s. If no speed is known, its changes are still right.
     pub(super) velocity: f64,
     /// Cosine of the tilt.
     pub(super) upright: f64,
-    /// Height above the place of the take-off at the least, m: its deviation, three times, is taken off.
+    /// Smallest possible height above the place of the take-off, m: the estimate minus three deviations.
     pub(super) above: Option<f64>,
-    /// Whether the vehicle has tilted beyond its limit: then the estimate's up may be wrong too.
+    /// Whether the vehicle has tilted beyond its limit. Then the vertical of the estimate may be wrong too.
     pub(super) toppled: bool,
-    /// Whether it comes down without a rotor that it takes to hover.
+    /// Whether it comes down without a rotor that a hover needs.
     pub(super) adrift: bool,
     /// Whether the vehicle must come down at any cost.
     pub(super) forced: bool,
@@ -75,24 +76,24 @@ pub(super) struct Seen {
     pub(super) room: f64,
 }
 
-/// What the rotors carry, N, upwards: at least and at most.
+/// Smallest and largest upward force of the rotors, N.
 pub(super) type Lift = [f64; 2];
 
-/// Whatever the control laws want.
+/// No limit of the control laws.
 pub(super) const FREE: Lift = [f64::NEG_INFINITY, f64::INFINITY];
 
 /// The result of a tick of a descent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Verdict {
-    /// Down, with this lift.
+    /// Descend with this lift.
     On(Lift),
-    /// What stopped the descent was not the ground: fly on from here.
+    /// Something other than the ground stopped the descent: continue to fly from here.
     Resume,
     /// The ground carries the vehicle.
     Down,
 }
 
-/// Rotors that carry less and less.
+/// The state of an unloading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Unloading {
     time: f64,
@@ -105,34 +106,34 @@ struct Unloading {
 pub(super) struct Landing {
     still: f64,
     felt: f64,
-    /// The same since it has toppled, or is without a rotor; and how long it has stood so.
+    /// The same since the vehicle has toppled or lost a rotor; and for how long it has been standing so.
     lying: (f64, f64),
     unloading: Option<Unloading>,
     attempts: u32,
-    /// Once it is forced down.
+    /// Set when it is forced down.
     forced: Option<Forced>,
 }
 
 /// A descent by force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Forced {
-    /// Part of the weight carried at most, and for how long nothing has been, s.
+    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing, s.
     carried: f64,
     unloaded: f64,
-    /// Mean force upwards that is felt, N.
+    /// Mean upward force that is felt, N.
     felt: f64,
-    /// How far it has sunk by its speed, m, and for how long the speed is not used, s.
+    /// Distance that it has sunk by its speed, m, and for how long the speed is not used, s.
     sunk: f64,
     doubted: f64,
 }
 
 impl Landing {
-    /// How often something else than the ground has stopped it.
+    /// How often something other than the ground has stopped it.
     pub(super) fn attempts(&self) -> u32 {
         self.attempts
     }
 
-    /// One tick of a vehicle of a weight, N.
+    /// One tick of a vehicle with a weight, N.
     pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
         if self.lies(seen, weight, dt) {
             return Verdict::Down;
@@ -174,8 +175,9 @@ impl Landing {
         *self = Self { attempts: self.attempts.saturating_add(1), ..Self::default() };
     }
 
-    /// Whether something stops the descent: by its speed and by what carries the vehicle in place of its rotors,
-    /// which is missing thrust (no accelerometer needed) or a force that is felt; without a speed, by the force alone.
+    /// Whether something stops the descent. It shows by the speed, and by the force that carries the vehicle instead
+    /// of its rotors: missing thrust (this needs no accelerometer) or a force that is felt. Without a speed, it shows
+    /// by the force alone.
     fn blocked(&mut self, seen: &Seen, weight: f64, elsewhere: bool, dt: f64) -> bool {
         let feels = seen.observed_w.is_some_and(|force| force.z > SHARE * weight);
         self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
@@ -186,7 +188,8 @@ impl Landing {
         self.still > if elsewhere { BLOCKED.1 } else { BLOCKED.0 }
     }
 
-    /// Whether a vehicle that is not upright, or cannot be kept so, lies on the ground: nothing can be tried with it.
+    /// Whether a vehicle that is not upright, or cannot be kept upright, lies on the ground. It cannot be unloaded to
+    /// find out.
     fn lies(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
         if !(seen.toppled || seen.adrift) {
             self.lying = (0.0, 0.0);
@@ -195,7 +198,7 @@ impl Landing {
         if seen.above.is_some_and(|above| above > LIES) {
             return false;
         }
-        // Without a pose, up is not known; with one, a force to the side is not the ground.
+        // Without a pose the vertical is not known. With a pose, a sideways force is not the ground.
         let known = seen.toppled && seen.above.is_some();
         let slow = seen.velocity.abs() < if known { LIES_STILL.0 } else { STILL.0 };
         let carried = |force: Vector3| if seen.toppled && !known { force.norm() } else { force.z };
@@ -208,7 +211,7 @@ impl Landing {
         *felt > felt_for || *still > still_for
     }
 
-    /// Thrust goes to what brings it down.
+    /// Changes the thrust until the vehicle comes down.
     fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
         let begin = Forced { carried: 1.0, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 };
         let forced = self.forced.get_or_insert(begin);
@@ -218,7 +221,8 @@ impl Landing {
 }
 
 impl Forced {
-    /// One tick: the part of the weight that is carried at most, and whether the vehicle lies on something.
+    /// One tick: returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
+    /// something.
     fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> (f64, bool) {
         let placed = seen.above.is_some();
         let (least, part, mean) = GROUND_CARRIES;
@@ -229,7 +233,7 @@ impl Forced {
         self.sunk = if placed { 0.0 } else { (self.sunk - seen.velocity * dt).max(0.0) };
         self.doubted = (self.doubted - dt).max(0.0);
         if self.sunk > seen.room {
-            // It cannot have: the ground would have stopped it.
+            // This is not possible: the ground would have stopped it.
             (self.sunk, self.doubted) = (0.0, DOUBTED);
         }
         let (slow, fast) = FORCED_SPEEDS;

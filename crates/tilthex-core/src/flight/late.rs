@@ -1,4 +1,4 @@
-//! Flying over a line that has become late: slower control, of the state as it will be when a command arrives.
+//! Control over a line that has become late: slower gains, and the state at the time at which a command arrives.
 
 use crate::{
     controller::ControllerParams,
@@ -13,10 +13,10 @@ use crate::{
 const POSITION: f64 = 1.5;
 const ROTATION: f64 = 5.0;
 const OBSERVER: f64 = 3.0;
-/// Ticks that are remembered.
+/// Number of ticks that are remembered.
 const TICKS: usize = 64;
 
-/// The same parameters, with gains that are no faster than `POSITION`, `ROTATION` and `OBSERVER`.
+/// The parameters with gains that are not faster than [`POSITION`], [`ROTATION`] and [`OBSERVER`].
 pub(super) fn slowed(params: &ControllerParams) -> ControllerParams {
     let most = |gain: Vector3, limit: f64| gain.map(|x| x.min(limit));
     ControllerParams {
@@ -34,7 +34,7 @@ pub(super) fn slowed(params: &ControllerParams) -> ControllerParams {
     }
 }
 
-/// The turns that the last commands are about to make.
+/// The rotations that the last commands will still cause.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pending {
     /// Angular acceleration, rad/s^2, robot, times the length of its tick, s; newest last.
@@ -56,10 +56,11 @@ impl Pending {
         }
     }
 
-    /// A state that is `delay` s old when a command of now takes effect, as it will be then.
+    /// Predicts a state that is `delay` s old when a command of now takes effect to that time.
     pub(super) fn ahead(&self, robot: &RobotState, delay: f64) -> RobotState {
         let (mut left, mut rate, mut turn) = (delay, Vector3::zeros(), Vector3::zeros());
-        // A tick's turn acts until the end: its share of the angle grows with the time that is left after it.
+        // The acceleration of a tick acts until the end: its share of the angle grows with the time that is left
+        // after it.
         for (alpha, dt) in self.turns.iter().rev() {
             if left <= 0.0 {
                 break;

@@ -1,7 +1,7 @@
-//! The first moments after lift-off, in which wiring, axes and latency show.
+//! The first moments after lift-off, which show errors of wiring, axes and latency.
 //!
-//! Nothing can be told of them on the ground: legs bear whatever the rotors do. In the first decimetres a good vehicle
-//! stays level over its start; one that does not is stopped while that is gentle.
+//! These errors do not show on the ground, because the legs take every force of the rotors. In the first decimetres a
+//! correct vehicle stays level above its start; an incorrect one is stopped while a stop does no harm.
 
 use super::{Flight, capture::Contradiction, witness::Witness};
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
     ukf::Navigation,
 };
 
-/// External torques above this part of the weight at the farthest rotor are none of a good vehicle's.
+/// A correct vehicle has no external torque above this part of the weight at the farthest rotor.
 const TORQUE: f64 = 0.08;
 /// A captured body that has moved this far along the felt motion, m, follows it late.
 const FOLLOWS: f64 = 0.01;
@@ -26,12 +26,12 @@ const REVERSED: (f64, f64) = (0.02, 0.5);
 /// A vehicle that is faster than this, m/s and rad/s, is not stopped.
 const FAST: (f64, f64) = (2.0, 4.0);
 
-/// The first moments.
+/// The watch of the first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LiftOff {
     /// Time since the take-off began, s; `None` after it.
     since: Option<f64>,
-    /// Until the mission begins: what poses and accelerometer say of the same motion.
+    /// Until the mission begins: the motion by the poses and by the accelerometer.
     witness: Option<Witness>,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
@@ -124,11 +124,11 @@ impl Flight {
             (false, false) => fault,
         });
         self.lift_off.fault = fault;
-        // Where it runs or tumbles already, flying on to a landing is gentler.
+        // If the vehicle is already fast or tumbles, a landing does less harm than a stop.
         fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
     }
 
-    /// What makes captured body and IMU contradict each other, by where each of them has gone.
+    /// The cause of a contradiction between captured body and IMU, from the motion of both.
     fn cause_of(&self, contradiction: &Contradiction) -> Fault {
         let felt_w: Vector3 = contradiction.reckoned.position_w - contradiction.from_w;
         let captured_w = contradiction.estimate.position_w - contradiction.from_w;

@@ -1,9 +1,8 @@
 //! The complete tick, from the measurements to the command to the motors:
 //! estimator, supervisor, guidance, controller. It knows no link and no bytes.
 //!
-//! It depends on nothing but its inputs: the real-time loop, the fault campaign
-//! on virtual time and the replay of a log run this same code and get the same
-//! result to the bit.
+//! It depends only on its inputs. The real-time loop, the fault campaign on virtual time and the replay of a log run
+//! this same code, and get the same result bit for bit.
 
 mod actuation;
 mod airborne;
@@ -76,14 +75,14 @@ pub struct FlightParams {
     pub guidance: GuidanceParams,
     /// Limits; crossing one is a fault.
     pub watch: WatchParams,
-    /// Take off as soon as everything is ready, without a command.
+    /// Take off as soon as everything is ready, without an order.
     pub take_off: bool,
-    /// How much older a measured rotor speed is than an inertial sample that arrives with it, s. Above 0 the rotors'
-    /// model brings the speeds to the sample's time, the wait for the next measurement included.
+    /// How much older a measured rotor speed is than an inertial sample that arrives with it, s. Above 0 the model of
+    /// the rotors brings the speeds to the sample's time, including the wait for the next measurement.
     pub rotor_speed_age: f64,
 }
 
-/// Periods longer than this are cut for the laws' integrators, s.
+/// Longer periods are shortened to this for the integrators of the laws, s.
 const LONGEST_STEP: f64 = 0.1;
 
 /// A flight, from the first tick to the motors' stop. `tilthex-config` makes its parameters from a configuration.
@@ -104,12 +103,12 @@ const LONGEST_STEP: f64 = 0.1;
 pub struct Flight {
     params: FlightParams,
     controller: Controller,
-    /// The same for a late line, with the commands that are on their way.
+    /// The controller for a late line, and the commands that have not arrived yet.
     slow_controller: Controller,
     pending: Pending,
     control: ControllerState,
     estimator: Estimator,
-    /// The state instead of the estimator's.
+    /// The known state, which replaces that of the estimator.
     known: Option<KnownState>,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
@@ -128,7 +127,7 @@ pub struct Flight {
     output: Option<ControllerOutput>,
     take_off: bool,
     setpoint_refused: bool,
-    /// The bias is not learnt: the vehicle does not rest free of contact.
+    /// The order to learn the bias was refused: the vehicle is in contact or moves.
     bias_refused: bool,
     /// A queued route was refused at the end of the last tick.
     route_refused: bool,
@@ -138,16 +137,16 @@ pub struct Flight {
     ramp: f64,
     motor_check: MotorCheck,
     landing: Landing,
-    /// What the rotors carry at least and at most while the reference does not yield.
+    /// Smallest and largest upward force of the rotors while the reference does not yield.
     lift: Lift,
     bounds: Bounds,
     capture: CaptureWatch,
     lift_off: LiftOff,
     thrust: ThrustWatch,
     stopped: StoppedWatch,
-    /// Rotors that lift though their motors may say that they have stopped, a bit each.
+    /// Rotors that lift although their motors may report a stop, one bit each.
     lifting: u16,
-    /// Rotors without thrust, and all that are lost, a bit each, and whether the vehicle cannot hover without them.
+    /// Rotors without thrust, and all lost rotors, one bit each; and whether the vehicle cannot hover without them.
     without_thrust: u16,
     lost: u16,
     adrift: bool,
@@ -222,7 +221,7 @@ impl Flight {
         self.start_refused
     }
 
-    /// What is wrong with a motor, by the check of each one alone.
+    /// The fault that the check of each motor alone has found.
     #[must_use]
     pub fn motor_fault(&self) -> Option<MotorFault> {
         self.motor_check.fault()
@@ -333,7 +332,7 @@ impl Flight {
             && tracked
             && self.supervisor.active().contains(Fault::TrackingError)
         {
-            // What could not be followed is not flown back to.
+            // The vehicle does not fly back to a reference that it could not follow.
             self.land_from(&self.actual_tool(), &Vector3::zeros());
         }
         let waiting = self.guidance.ready() && phase == Phase::Flying;
@@ -342,7 +341,7 @@ impl Flight {
         }
     }
 
-    /// What a change of phase begins.
+    /// Begins what belongs to a new phase.
     fn change(&mut self, before: Phase, phase: Phase) {
         match phase {
             Phase::Starting => self.motor_check = MotorCheck::default(),

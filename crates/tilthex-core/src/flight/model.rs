@@ -1,4 +1,4 @@
-//! The model of the vehicle that the laws use, and how what a calibration learns takes its place.
+//! The vehicle model that the laws use, and its replacement by the one that a calibration has learnt.
 
 use super::{Flight, KnownState};
 use crate::{
@@ -10,7 +10,7 @@ use crate::{
     wrench_observer::ObserverInput,
 };
 
-/// A set-point that moves less than this in a tick, m and rad, rests.
+/// A set-point that moves less than this in a tick, m and rad, is at rest.
 const RESTS: f64 = 1e-7;
 
 /// Learning, and its result.
@@ -20,11 +20,11 @@ pub(super) struct ModelState {
     /// Whether the last tick was one to learn from, and its set-point.
     learning: bool,
     setpoint: Option<Setpoint>,
-    /// What was learnt, and the sample at which it takes the model's place: at the begin of the next tick.
+    /// The learnt model, and the sample at which it replaces the present one, at the begin of the next tick.
     pending: Option<(Learnt, ObserverInput)>,
     refused: Option<Refusal>,
     deviation: ModelDeviation,
-    /// Centre of mass from where the configuration has it, m, robot.
+    /// Centre of mass relative to the one of the configuration, m, robot.
     centre_r: Vector3,
     hovers: usize,
     misfit: f64,
@@ -35,15 +35,15 @@ pub(super) struct ModelState {
 pub struct ModelRecord {
     /// Mass, kg.
     pub mass: f64,
-    /// Centre of mass from where the configuration has it, m, robot.
+    /// Centre of mass relative to the one of the configuration, m, robot.
     pub centre_of_mass_r: Vector3,
-    /// Force of the false contact that is expected in tilted hovers, N, one deviation.
+    /// Force of the false contact that is expected in tilted hovers, N, one standard deviation.
     pub false_force: f64,
-    /// The torque of that false contact, N m, one deviation.
+    /// Torque of that false contact, N m, one standard deviation.
     pub false_torque: f64,
-    /// Hovers it was learnt from; 0 for the configured model.
+    /// Number of hovers from which it was learnt; 0 for the configured model.
     pub hovers: u8,
-    /// Mean squared normalised innovation of them.
+    /// Mean squared normalised innovation of these hovers.
     pub misfit: f64,
 }
 
@@ -63,7 +63,7 @@ impl ModelState {
         }
     }
 
-    /// A known state of the point that the configuration takes for the centre of mass, moved to where it is.
+    /// A known state of the configured centre of mass, moved to the corrected one.
     pub(super) fn at_centre(&self, known: &KnownState) -> KnownState {
         let robot = &known.robot;
         let velocity_r = robot.angular_velocity_r.cross(&self.centre_r);
@@ -77,7 +77,7 @@ impl ModelState {
         }
     }
 
-    /// Whether another model is about to take this one's place.
+    /// Whether another model will replace the present one in the next tick.
     pub(super) fn is_pending(&self) -> bool {
         self.pending.is_some()
     }
@@ -102,7 +102,7 @@ impl Flight {
         &self.params.vehicle
     }
 
-    /// Standard deviations of its remaining errors.
+    /// Standard deviations of the remaining errors of the model.
     #[must_use]
     pub fn model_deviation(&self) -> &ModelDeviation {
         &self.model.deviation
@@ -114,14 +114,14 @@ impl Flight {
         self.model.refused
     }
 
-    /// Hovers that the model was learnt from; 0 for the configured one.
+    /// Number of hovers from which the model was learnt; 0 for the configured model.
     #[must_use]
     pub fn model_hovers(&self) -> usize {
         self.model.hovers
     }
 
-    /// Says from now on whether this is a contact-free calibration flight, whatever the guidance does: for a
-    /// caller who knows. When it ends, the learnt model replaces the present one.
+    /// Says from now on whether this is a contact-free calibration flight. It overrides the guidance, for a caller
+    /// who knows it. At its end the learnt model replaces the present one.
     pub fn set_model_learning(&mut self, learns: bool) {
         self.learns_model = learns;
     }
@@ -159,7 +159,7 @@ impl Flight {
             }
             Err(refusal) => {
                 self.model.refused = Some(refusal);
-                // Better the bias of this attitude than none.
+                // The bias of this attitude is better than no bias.
                 self.guidance.zero_bias();
             }
         }

@@ -1,4 +1,4 @@
-//! Each motor alone, before all of them start: whether the right one turns, at the commanded speed.
+//! Checks each motor alone, before all of them start: whether the right motor turns at the commanded speed.
 
 use core::fmt;
 
@@ -8,13 +8,13 @@ use crate::{
     types::RotorVector,
 };
 
-/// A motor must turn at the commanded speed for this long, s, before the next one is tried.
+/// A motor must turn at the commanded speed for this time, s, before the next one is checked.
 const RIGHT: f64 = 0.03;
 /// A motor is tried at its lowest speed times TRIED, because some links do not tell the lowest speed from standstill.
 /// A speed that differs by the part OFF is wrong.
 const TRIED: f64 = 1.5;
 const OFF: f64 = 0.25;
-/// Another motor that turns for this long, s, was started by mistake.
+/// Another motor that turns for this time, s, was started by mistake.
 const ANOTHER: f64 = 0.1;
 
 /// What is wrong with a motor. Motors count from 0.
@@ -22,28 +22,28 @@ const ANOTHER: f64 = 0.1;
 pub enum MotorFault {
     /// It was started alone, and does not turn.
     Still {
-        /// Which.
+        /// The motor.
         motor: usize,
     },
     /// It was started alone, and another one turns.
     Another {
-        /// Which was started.
+        /// The motor that was started.
         motor: usize,
-        /// Which turns.
+        /// The motor that turns.
         found: usize,
     },
     /// It was started alone, and turns at another speed than the commanded one.
     WrongSpeed {
-        /// Which.
+        /// The motor.
         motor: usize,
-        /// Measured, Hz.
+        /// Measured speed, Hz.
         found: f64,
-        /// Asked for, Hz.
+        /// Commanded speed, Hz.
         commanded: f64,
     },
-    /// It turns though every motor was told to stand.
+    /// It turns although every motor was commanded to stand still.
     Turns {
-        /// Which.
+        /// The motor.
         motor: usize,
     },
 }
@@ -71,21 +71,22 @@ impl fmt::Display for MotorFault {
             ),
             Self::Turns { motor } => write!(
                 f,
-                "motor {} turns though every motor was told to stand still: check its controller and its number",
+                "motor {} turns although every motor was told to stand still: check its controller and its number",
                 motor + 1
             ),
         }
     }
 }
 
-/// How far the check has come.
+/// The progress of the check.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct MotorCheck {
-    /// The motor that is tried; past the last one where all are right.
+    /// The motor that is checked; after the last one, all are right.
     motor: usize,
     /// Whether all motors stood still before it was started.
     alone: bool,
-    /// How long this has taken, it has turned as it should, and another one has, s.
+    /// Times, s: since the begin, for which the motor has turned as it should, and for which another motor has
+    /// turned.
     time: f64,
     right: f64,
     another: f64,
@@ -99,23 +100,23 @@ impl Default for MotorCheck {
 }
 
 impl MotorCheck {
-    /// What was found wrong; motors stay still until another start is ordered.
+    /// The fault that was found. Motors stay still until another start is ordered.
     pub(super) fn fault(&self) -> Option<MotorFault> {
         self.fault
     }
 
-    /// Whether each of this many motors has been seen to turn alone.
+    /// Whether each of this many motors has turned alone.
     pub(super) fn passed(&self, motors: usize) -> bool {
         self.motor >= motors
     }
 
-    /// What the motors shall do; `lowest` are their lowest speeds, Hz.
+    /// The command to the motors; `lowest` are their lowest speeds, Hz.
     pub(super) fn command(&self, lowest: &RotorVector) -> MotorCommand {
         if self.alone { MotorCommand::Alone(self.motor, lowest * TRIED) } else { MotorCommand::Stop }
     }
 
-    /// One tick of a vehicle that is being started: motors, now (s), the lowest speeds (Hz), and how long the check may
-    /// take in all (s).
+    /// One tick of a vehicle that is being started: motors, now (s), the lowest speeds (Hz), and the longest duration
+    /// of the whole check (s).
     pub(super) fn step(&mut self, motors: &[Motor], now: f64, lowest: &RotorVector, limit: f64, dt: f64) {
         let Some((tried, least)) = motors.get(self.motor).zip(lowest.iter().nth(self.motor)) else { return };
         let commanded = TRIED * least;

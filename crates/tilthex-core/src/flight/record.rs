@@ -1,4 +1,4 @@
-//! Everything a tick took in and did, of fixed size: for the log, for replay, for the report after a fault.
+//! The inputs and outputs of a tick, of fixed size: for the log, for the replay, and for the report after a fault.
 
 use super::{
     Flight, ModelRecord,
@@ -10,7 +10,7 @@ use crate::{
     types::{Matrix3, PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
 
-/// The inputs of a tick as they came; with the bytes of its link it can be run again.
+/// The inputs of a tick. With the bytes of its link the tick can be run again.
 #[derive(Clone, Copy, Debug)]
 pub struct InputRecord {
     /// Now, s, monotonic.
@@ -19,7 +19,7 @@ pub struct InputRecord {
     pub poses: [PoseSample; MAX_POSES],
     /// How many of them.
     pub pose_count: u8,
-    /// Whether an order came with this tick (it is logged by itself).
+    /// Whether an order came with this tick. The order itself is logged separately.
     pub command: bool,
     /// Facts that only the host can observe.
     pub host: HostFacts,
@@ -36,7 +36,7 @@ impl InputRecord {
 /// Counters of what the link and the estimator refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkCounters {
-    /// Messages taken.
+    /// Accepted messages.
     pub messages: u32,
     /// Frames refused for letter, length, range or escape.
     pub refused_frames: u32,
@@ -44,7 +44,7 @@ pub struct LinkCounters {
     pub refused_samples: u32,
     /// Inertial samples lost, by their sequence numbers.
     pub lost_samples: u32,
-    /// Poses taken.
+    /// Applied poses.
     pub poses: u32,
     /// Poses refused.
     pub refused_poses: u32,
@@ -61,13 +61,13 @@ pub struct Record {
     pub input: InputRecord,
     /// Phase after the tick.
     pub phase: Phase,
-    /// Faults that last.
+    /// Active faults.
     pub faults: FaultSet,
-    /// Where the flight began, or would begin now: the robot's position, m, world.
+    /// Position of the robot at which the flight began, or would begin now, m, world.
     pub start_w: Option<Vector3>,
     /// Estimated pose and twist of the robot.
     pub state: RobotState,
-    /// When they held: the time of the newest inertial sample, s, as of `input.time`.
+    /// Time of this state: that of the newest inertial sample, s, on the clock of `input.time`.
     pub state_time: f64,
     /// Estimated gyroscope bias, rad/s, IMU axes.
     pub gyro_bias_i: Vector3,
@@ -77,7 +77,7 @@ pub struct Record {
     pub deviation: [f64; 3],
     /// Normalised innovation squared of the newest pose, over its degrees of freedom.
     pub innovation: f64,
-    /// Age of the newest pose taken, s.
+    /// Age of the newest applied pose, s.
     pub pose_age: f64,
     /// Mean time from capture to arrival of a pose, s.
     pub latency: f64,
@@ -85,17 +85,17 @@ pub struct Record {
     pub specific_force_r: Vector3,
     /// The commanded set-point of the tool.
     pub setpoint: Setpoint,
-    /// Reference of the tool, behind the admittance filter.
+    /// Reference of the tool: the set-point after the admittance filter.
     pub reference: Setpoint,
     /// External wrench at the centre of mass as observed (force W, torque R).
     pub wrench_robot: Wrench,
     /// External wrench at the tool, W.
     pub wrench_tool_w: Wrench,
-    /// What entered the admittance filter, W.
+    /// Input of the admittance filter, W.
     pub wrench_admittance_w: Wrench,
-    /// Estimated velocity of the air, m/s, W; zero where it is not estimated.
+    /// Estimated velocity of the air, m/s, W; zero if it is not estimated.
     pub wind_w: Vector3,
-    /// Likelihood of contact, 0 to 1; 1 where it is not asked for.
+    /// Likelihood of contact, 0 to 1; 1 if it is not estimated.
     pub contact_likelihood: f64,
     /// e_p, m, W.
     pub position_error_w: Vector3,
@@ -105,7 +105,7 @@ pub struct Record {
     pub compliant: bool,
     /// Whether a rotor is at a limit.
     pub saturated: bool,
-    /// The most important part of the wanted wrench that the rotors do not give.
+    /// The most important part of the wanted wrench that the rotors do not produce.
     pub given_up: Option<Priority>,
     /// Whether the admittance filter is at its excursion limit.
     pub excursion_limited: bool,
@@ -183,7 +183,7 @@ impl Default for Record {
 }
 
 impl Flight {
-    /// Writes down the tick.
+    /// Writes the record of the tick.
     pub(super) fn record(
         &self,
         input: &Measured<'_>,

@@ -1,24 +1,25 @@
-//! How fast streamed set-points may move.
+//! Limits the motion of streamed set-points.
 
 use crate::{so3, supervisor::limits::SETPOINT_STALE, trajectory::Limits, types::Setpoint};
 
-/// Lever about which a jump of the place may turn them, m.
+/// Lever arm that turns a jump of the position into one of the rotation, m.
 const JUMP_LEVER: f64 = 0.5;
 
-/// How far streamed set-points may move at once: the room fills at the largest rates, and each move empties it. So the
-/// network may hold some back and deliver them together, and the set-points do not run away.
+/// The distance that streamed set-points may move at once. It grows at the largest rates, and each motion uses it up.
+/// So the network may hold some set-points back and deliver them together, and the mean motion still has the largest
+/// rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Room {
-    /// m and rad.
+    /// Distance, m and rad.
     way: f64,
     turn: f64,
-    /// Changes of their rates, m/s and rad/s.
+    /// Changes of the rates, m/s and rad/s.
     speed: f64,
     spin: f64,
 }
 
 impl Room {
-    /// A full room, for the largest rates and the largest jump of the place, m.
+    /// Full room, for the largest rates and the largest jump of the position, m.
     pub(super) fn full(rates: &Limits, jump: f64) -> Self {
         Self {
             way: jump,
@@ -37,7 +38,8 @@ impl Room {
         self.spin = (self.spin + rates.angular_acceleration * dt).min(full.spin);
     }
 
-    /// Takes the way between two set-points out of the room. Returns false, and takes nothing, if there is less.
+    /// Subtracts the distance between two set-points from the room. If there is less room, returns false and
+    /// subtracts nothing.
     pub(super) fn take(&mut self, from: &Setpoint, to: &Setpoint) -> bool {
         let left = Self {
             way: self.way - (to.position_w - from.position_w).norm(),

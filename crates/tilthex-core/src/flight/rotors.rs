@@ -11,29 +11,29 @@ use crate::{
 };
 use libm::fabs;
 
-/// The model can tell whether a motor has stopped if the motor is faster than this, Hz.
+/// The model can show whether a motor has stopped if the motor is faster than this, Hz.
 const TELLS: f64 = 10.0;
-/// How fast a motor's gain is learnt, 1/s, and the least that is made up for.
+/// Rate at which a motor's gain is learnt, 1/s, and the smallest gain that is compensated.
 const GAIN: (f64, f64) = (10.0, 0.5);
 
-/// The commanded speeds behind each rotor's lag.
+/// The commanded speeds after each rotor's lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RotorModel {
     rate: f64,
     lowest: RotorVector,
-    /// The last command that can have reached the vehicle, and for how long none has.
+    /// The last command that can have reached the vehicle, and for how long no command has.
     reached: RotorVector,
     unreached: f64,
     expected: RotorVector,
-    /// Measured speeds by the model's, up to 1.
+    /// Measured speeds divided by the model's, up to 1.
     gain: RotorVector,
-    /// Whether the line is full of garbage: without a checksum some of it passes for measurements.
+    /// Whether the line is full of garbage, some of which looks like measurements because there is no checksum.
     garbled: bool,
-    /// Bit `i` is set if motor `i` (from 0) is not believed.
+    /// Bit `i` is set if the data of motor `i` (from 0) are not trusted.
     doubted: u16,
-    /// How much older a measured speed is than what arrives with it, s; 0 where speeds are taken as they come.
+    /// How much older a measured speed is than a sample that arrives with it, s; 0 if speeds are taken as measured.
     age: f64,
-    /// What was expected; kept where speeds are brought to another time.
+    /// Past expected speeds; kept if speeds are brought to another time.
     past: Past,
 }
 
@@ -67,7 +67,7 @@ impl RotorModel {
         (self.reached, self.expected) = (*speeds, *speeds);
     }
 
-    /// Moves on by `dt` seconds of a command, Hz; without a line none reaches the vehicle.
+    /// Moves by `dt` seconds with a command, Hz. Without a line no command reaches the vehicle.
     pub(super) fn step(&mut self, command: &RotorVector, line: bool, dt: f64) {
         if line {
             (self.reached, self.unreached) = (*command, 0.0);
@@ -83,12 +83,12 @@ impl RotorModel {
         }
     }
 
-    /// Sets whether the motors' measurements are garbled from now on: then none is used.
+    /// Sets whether the motors' measurements are garbled from now on; then none of them is used.
     pub(super) fn set_garbled(&mut self, garbled: bool) {
         self.garbled = garbled;
     }
 
-    /// Sets the motors that are not believed from now on.
+    /// Sets the motors whose data are not trusted from now on.
     pub(super) fn set_doubted(&mut self, doubted: u16) {
         self.doubted = doubted;
     }
@@ -102,7 +102,7 @@ impl RotorModel {
         !self.garbled && now - motor.heard <= MOTORS_FRESH
     }
 
-    /// Learns by how much motors turn too slowly, from a fault of theirs on.
+    /// Learns by how much motors turn too slowly, after a fault of theirs has begun.
     pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, at_fault: bool, dt: f64) {
         let (rate, least) = GAIN;
         if !at_fault || self.garbled || 2 * self.wrong_speeds(motors, now) >= motors.len() {
@@ -116,15 +116,15 @@ impl RotorModel {
         }
     }
 
-    /// Commands, Hz, that let motors that turn too slowly reach the wanted speeds.
+    /// Commands, Hz, with which motors that turn too slowly reach the wanted speeds.
     #[must_use]
     pub(super) fn made_up(&self, wanted: &RotorVector) -> RotorVector {
         wanted.component_div(&self.gain)
     }
 
-    /// Measured speeds, Hz, at the time `at` of an inertial sample, s, with the model in the place of old ones.
+    /// Measured speeds, Hz, at the time `at` of an inertial sample, s. The model replaces old ones.
     ///
-    /// Where their age is known, what the model expects to have changed between the two times is added.
+    /// If their age is known, the change that the model expects between the two times is added.
     #[must_use]
     pub(super) fn speeds(&self, motors: &[Motor], now: f64, at: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();
@@ -143,15 +143,15 @@ impl RotorModel {
         speeds
     }
 
-    /// How many motors are measured far from the model.
+    /// Number of motors whose measured speed is far from the model's.
     #[must_use]
     pub(super) fn wrong_speeds(&self, motors: &[Motor], now: f64) -> usize {
         let wrong = self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED);
         (wrong & !self.doubted).count_ones() as usize
     }
 
-    /// Bit `i` is set where motor `i` (from 0) measures standstill. If half of them have, it is
-    /// the commands that do not arrive.
+    /// Bit `i` is set if motor `i` (from 0) measures standstill. If half of the motors do, the commands do not
+    /// arrive, and no bit is set.
     #[must_use]
     pub(super) fn stopped(&self, motors: &[Motor], now: f64) -> u16 {
         let stopped = self.where_measured(motors, now, |speed, expected| {

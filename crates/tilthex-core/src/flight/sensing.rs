@@ -15,7 +15,7 @@ use crate::{
     types::{RobotState, RotorVector, Vector3},
 };
 
-/// The estimate is corrected by more than this, m and rad, in a tick: a jump.
+/// A larger correction of the estimate than this in a tick, m and rad, is a jump.
 const JUMP: (f64, f64) = (0.03, 0.03);
 
 impl Flight {
@@ -30,7 +30,7 @@ impl Flight {
         self.known.map_or_else(|| self.estimator.specific_force_r(), |known| known.specific_force_r)
     }
 
-    /// Feeds the estimator; where inertial samples are missing in flight, from the model.
+    /// Updates the estimator. In flight, the model replaces missing inertial samples.
     pub(super) fn estimate(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
         self.known = input.known.map(|known| self.model.at_centre(&known));
         if self.known.is_some() {
@@ -58,13 +58,13 @@ impl Flight {
             let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
             let gyro_i = model.gyro_i + self.estimator.gyro_bias();
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
-            // What has just gone off its range is an impact, until it lasts.
+            // Readings that have just left their range are an impact, until this lasts.
             let broken = self.supervisor.active().contains(Fault::ImuSaturated);
             let shaken = inertial.saturated && !broken;
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
         }
-        // From one source to the other rates leap, which is no motion.
+        // When the source changes, rates jump without a motion.
         if self.estimator.is_modelled() != modelled {
             self.control.observer.forget_sample();
         }
@@ -83,7 +83,7 @@ impl Flight {
         }
     }
 
-    /// What poses say against the IMU. From a contradiction on the vehicle is flown on the IMU.
+    /// Compares poses with the IMU. After a contradiction the vehicle is flown with the IMU.
     pub(super) fn watch_capture(
         &mut self,
         phase: Phase,
@@ -114,8 +114,8 @@ impl Flight {
         }
     }
 
-    /// A correction of the estimate is no motion: reference and set-point take part in
-    /// it, and fly back from there. A turn is left to the admittance filter's spring.
+    /// A correction of the estimate is not a motion. Reference and set-point move together with it, and return from
+    /// there at the usual speed. The admittance filter's spring corrects a rotation.
     pub(super) fn absorb_jump(&mut self, before: &RobotState, dt: f64) {
         let now = self.robot_state();
         let Some(output) = self.output.as_mut().filter(|_| self.supervisor.phase().in_flight()) else {

@@ -1,11 +1,11 @@
-//! Motors that say they have stopped: believed unless their rotors go on lifting.
+//! Motors that report a stop. They are believed unless their rotors still lift.
 
 use crate::{supervisor::limits::STOPPED_AFTER, types::MAX_ROTORS};
 
-/// A motor that turns as it should for this long, s, is believed again.
+/// A motor that turns as it should for this time, s, is trusted again.
 const RESTORED: f64 = 0.2;
 
-/// For how long each motor has said so, and which of them are not believed.
+/// For how long each motor has reported a stop, and which motors are not trusted.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct StoppedWatch {
     since: [f64; MAX_ROTORS],
@@ -14,13 +14,13 @@ pub(super) struct StoppedWatch {
 }
 
 impl StoppedWatch {
-    /// Bit `i` is set where motor `i` (from 0) says that it has stopped, and its rotor lifts.
+    /// Bit `i` is set if motor `i` (from 0) reports a stop, but its rotor lifts.
     pub(super) fn doubted(&self) -> u16 {
         self.doubted
     }
 
-    /// One tick: motors that measure standstill, those that say themselves that they have stopped, and rotors that lift
-    /// all the same. Bit `i` is set where motor `i` has stopped.
+    /// One tick, with the motors that measure standstill, those that report a stop, and the rotors that still lift.
+    /// Bit `i` of the result is set if motor `i` has stopped.
     pub(super) fn step(&mut self, measured: u16, own: u16, lifting: u16, dt: f64) -> u16 {
         let mut stopped = 0;
         for (i, (since, restored)) in self.since.iter_mut().zip(&mut self.restored).enumerate() {
@@ -61,7 +61,7 @@ mod tests {
         assert_eq!(run(0b10, 0, 0), Some(0b10));
         assert_eq!(run(0, 0, 0), Some(0));
         assert_eq!(run(0b10, 0, 0b10), Some(0));
-        // Nothing is to be seen of it any more, since the model stands in.
+        // The stop cannot be seen any more, because the model replaces the measurement.
         assert_eq!(run(0b10, 0, 0), Some(0));
         assert_eq!(run(0b10, 0b10, 0), Some(0b10));
         assert_eq!(run(0, 0, 0), Some(0));

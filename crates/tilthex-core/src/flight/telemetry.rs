@@ -2,9 +2,9 @@
 
 use crate::types::{MAX_ROTORS, RotorVector, Vector3};
 
-/// Most inertial samples of one tick that are kept.
+/// Largest number of inertial samples that are kept in one tick.
 pub const MAX_SAMPLES: usize = 8;
-/// A time before any, s.
+/// A time before every other time, s.
 const LONG_AGO: f64 = -1e9;
 
 /// An inertial sample in IMU coordinates.
@@ -16,7 +16,7 @@ pub struct Inertial {
     pub gyro_i: Vector3,
     /// Specific force, m/s^2.
     pub specific_force_i: Vector3,
-    /// Whether readings before it went off the range, or jumped from sample to sample.
+    /// Whether readings before it left the range, or jumped from sample to sample.
     pub shaken: bool,
 }
 
@@ -25,11 +25,11 @@ pub struct Inertial {
 pub struct InertialTelemetry {
     samples: [Inertial; MAX_SAMPLES],
     count: usize,
-    /// When the newest usable sample was heard, s.
+    /// When the newest usable sample arrived, s.
     pub heard: f64,
-    /// By how much samples come later than usual, s; 0 if the line is not late.
+    /// How much later than usual samples arrive, s; 0 if the line is not late.
     pub line_delay: f64,
-    /// Whether the IMU repeats itself to the bit.
+    /// Whether the IMU repeats its readings exactly.
     pub frozen: bool,
     /// Whether the newest reading is at the end of its range.
     pub saturated: bool,
@@ -38,7 +38,7 @@ pub struct InertialTelemetry {
 }
 
 impl InertialTelemetry {
-    /// Keeps a usable sample that was heard at `now`, s; those past [`MAX_SAMPLES`] are dropped.
+    /// Keeps a usable sample that arrived at `now`, s; samples after [`MAX_SAMPLES`] are dropped.
     pub fn push(&mut self, now: f64, sample: Inertial) {
         self.heard = now;
         if let Some(slot) = self.samples.get_mut(self.count) {
@@ -63,7 +63,7 @@ impl InertialTelemetry {
 /// The newest measurements and states of one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motor {
-    /// When it was heard, s.
+    /// When it arrived, s.
     pub heard: f64,
     /// Measured speed, Hz.
     pub speed: f64,
@@ -71,7 +71,7 @@ pub struct Motor {
     pub starting: bool,
     /// It spins.
     pub spinning: bool,
-    /// It has stopped by itself and says so.
+    /// It has stopped by itself and reports it.
     pub emergency: bool,
     /// Current, A.
     pub current: f64,
@@ -84,11 +84,11 @@ pub struct LinkState {
     pub identified: bool,
     /// All streams run.
     pub ready: bool,
-    /// When anything was heard, s.
+    /// When the last byte arrived, s.
     pub heard: f64,
     /// The board announced itself without a request in this tick.
     pub rebooted: bool,
-    /// Messages taken.
+    /// Accepted messages.
     pub messages: u32,
     /// Frames refused for their form.
     pub refused_frames: u32,
@@ -112,7 +112,7 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// Nothing heard yet of a vehicle with `motor_count` motors, at most [`MAX_ROTORS`].
+    /// The telemetry of a vehicle with `motor_count` motors, at most [`MAX_ROTORS`], that has sent nothing yet.
     #[must_use]
     pub fn new(motor_count: usize) -> Self {
         let sample = Inertial {
@@ -155,14 +155,14 @@ impl Telemetry {
         }
     }
 
-    /// Forgets what belongs to the last tick alone.
+    /// Removes what belongs only to the last tick.
     pub fn begin_tick(&mut self) {
         self.inertial.count = 0;
         self.inertial.refused_now = false;
         self.link.rebooted = false;
     }
 
-    /// Takes the speeds, Hz, of motors that all spin, heard at `now`, s, over a link that is ready.
+    /// Takes the speeds, Hz, of motors that all spin, which arrived at `now`, s, over a link that is ready.
     pub fn hear_motors(&mut self, now: f64, speeds: &RotorVector) {
         for (motor, speed) in self.motors.iter_mut().take(self.motor_count).zip(speeds.iter()) {
             (motor.heard, motor.speed, motor.spinning) = (now, *speed, true);
@@ -195,7 +195,7 @@ impl Telemetry {
         self.motors().iter().map(|m| now - m.heard).fold(0.0, f64::max)
     }
 
-    /// Time since anything was heard, s.
+    /// Time since the last byte arrived, s.
     #[must_use]
     pub fn silence(&self, now: f64) -> f64 {
         now - self.link.heard

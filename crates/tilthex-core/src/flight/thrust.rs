@@ -1,4 +1,4 @@
-//! The thrust of the rotors by the motion of the vehicle, not by the motors' telemetry.
+//! The thrust of the rotors, found from the motion of the vehicle and not from the motors' telemetry.
 //!
 //! Rotors that turn and do not lift: a rotor without its propeller shows as an external wrench that cancels the wrench
 //! which the rotor should give. A push near the end of its arm looks the same, so the rotor is tested: it is slowed
@@ -11,21 +11,22 @@ use crate::{
     types::{RotorVector, Vector6, Wrench},
 };
 
-/// Share of its wrench that a rotor without thrust lacks: less is a weak rotor, and more is something else.
+/// Share of its wrench that a rotor without thrust lacks. A smaller share is a weak rotor; a larger one has another
+/// cause.
 const MISSING: core::ops::RangeInclusive<f64> = THRUST_MISSING..=1.3;
 /// The part of the external wrench that a single rotor does not explain.
 const UNEXPLAINED: f64 = 0.35;
-/// External wrenches below this part of the weight say nothing.
+/// External wrenches below this part of the weight are not used.
 const LEAST: f64 = 0.05;
-/// At the end of a trial a push has kept this part of its wrench; one that has fallen to this is over.
+/// At the end of a trial, a push has kept this part of its wrench. A push that has fallen to this part is over.
 const KEPT: f64 = 0.5;
 const OVER: f64 = 0.3;
 /// A rotor that has failed a trial is lost if it fails another one that begins within this time, s.
 const AGAIN: f64 = 0.5;
-/// The motor says that it has stopped, but the rotor lifts if this part of its wrench is still there.
+/// A rotor whose motor reports a stop lifts if this part of its wrench is still there.
 const LIFTS: f64 = 0.5;
 
-/// A rotor (from 0) and how much along its wrench is missing.
+/// A rotor (from 0), and the missing force along its wrench.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Case {
     rotor: usize,
@@ -33,7 +34,7 @@ struct Case {
     time: f64,
 }
 
-/// The rotor that explains the external wrench, and those that did for long enough.
+/// The rotor that explains the external wrench, and those that have explained it for long enough.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ThrustWatch {
     /// Length at which a torque counts as a force, m: the farthest rotor's distance.
@@ -41,21 +42,21 @@ pub(super) struct ThrustWatch {
     suspect: Option<usize>,
     since: f64,
     trial: Option<Case>,
-    /// It failed a trial, this long ago, s: a push that ended meanwhile looks the same.
+    /// The rotor failed a trial, this long ago, s. A push that ended meanwhile looks the same.
     failed: Option<Case>,
-    /// A push at this rotor's arm lasts.
+    /// A push on this rotor's arm, which lasts.
     acquitted: Option<Case>,
     lost: u16,
 }
 
 impl ThrustWatch {
-    /// Nothing suspected yet.
+    /// A watch without a suspect.
     pub(super) fn new(vehicle: &Vehicle) -> Self {
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(1e-3, f64::max);
         Self { arm, suspect: None, since: 0.0, trial: None, failed: None, acquitted: None, lost: 0 }
     }
 
-    /// Bit `i` is set where rotor `i` (from 0) is to stand still, so that it can be told.
+    /// Bit `i` is set if rotor `i` (from 0) must stand still for a trial.
     pub(super) fn tried(&self) -> u16 {
         self.trial.map_or(0, |case| 1 << case.rotor)
     }
@@ -98,8 +99,8 @@ impl ThrustWatch {
         self.lost
     }
 
-    /// Bit `i` is set where rotor `i` gives at least half of what it gives at these speeds, Hz, though the
-    /// external wrench was found with a rotor that stands still.
+    /// Bit `i` is set if rotor `i` produces at least half of its wrench at these speeds, Hz, although the external
+    /// wrench was computed with this rotor at rest.
     pub(super) fn lifting(&self, vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> u16 {
         let given = |rotor: usize, speed: f64| {
             column(vehicle, self.arm, rotor).map_or(0.0, |c| c.norm()) * speed * speed
@@ -111,19 +112,19 @@ impl ThrustWatch {
     }
 }
 
-/// A wrench with torques as forces at the arm.
+/// A wrench whose torques are expressed as forces at the arm.
 fn scaled(w: &Vector6, arm: f64) -> Vector6 {
     Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm)
 }
 
-/// What a rotor (from 0) gives for its squared speed, scaled.
+/// The scaled wrench of a rotor (from 0) for a squared speed of 1.
 fn column(vehicle: &Vehicle, arm: f64, rotor: usize) -> Option<Vector6> {
     let column = vehicle.allocation().as_slice().chunks_exact(6).nth(rotor)?;
     let [a, b, c, d, e, f] = *column else { return None };
     Some(scaled(&Vector6::new(a, b, c, d, e, f), arm))
 }
 
-/// How much of an external wrench is against what a rotor gives, N.
+/// The part of an external wrench against the wrench of a rotor, N.
 fn missing(vehicle: &Vehicle, arm: f64, rotor: usize, external_r: &Wrench) -> f64 {
     let Some(column) = column(vehicle, arm, rotor) else { return 0.0 };
     -scaled(&external_r.to_vector(), arm).dot(&column) / column.norm().max(1e-12)
@@ -172,7 +173,7 @@ mod tests {
                 let external = Wrench::ZERO - vehicle.body_wrench(&lacking);
                 let mut watch = ThrustWatch::new(&vehicle);
                 let lost = (0..200).map(|_| {
-                    // What is tried stands still, and takes away nothing then.
+                    // A rotor on trial stands still, and then lacks no wrench.
                     let tried = watch.tried() != 0;
                     let external = if tried { Wrench::ZERO } else { external };
                     watch.step(&vehicle, &speeds, &external, 0.002)

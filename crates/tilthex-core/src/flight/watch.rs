@@ -30,7 +30,7 @@ pub struct WatchParams {
     pub max_torque: f64,
     /// Longest time from the first start command to the last motor's spinning, s.
     pub start_timeout: f64,
-    /// Whether each motor is tried alone before all of them start.
+    /// Whether each motor is checked alone before all of them start.
     pub motor_check: bool,
     /// Half the width of the box around the start in which the vehicle stays, m.
     pub geofence: f64,
@@ -50,15 +50,15 @@ pub(super) struct Seen<'a> {
     pub(super) telemetry: &'a Telemetry,
     /// The estimator.
     pub(super) estimator: &'a Estimator,
-    /// Whether the state is known without it.
+    /// Whether the state is known without the estimator.
     pub(super) known: bool,
     /// Pose and twist of the robot.
     pub(super) robot: &'a RobotState,
     /// The last tick's controller output.
     pub(super) output: Option<&'a ControllerOutput>,
-    /// Motors measured far from the model.
+    /// Number of motors whose measured speed is far from the model's.
     pub(super) wrong_speeds: usize,
-    /// Bit `i` is set where motor `i` has stopped, by its speed.
+    /// Bit `i` is set if motor `i` has stopped, by its speed.
     pub(super) stopped: u16,
     /// Facts that only the host can observe.
     pub(super) host: HostFacts,
@@ -81,7 +81,7 @@ impl Poses {
     }
 }
 
-/// The memory of the watch from tick to tick.
+/// The state of the watch.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     params: WatchParams,
@@ -148,7 +148,7 @@ impl Watch {
         set.insert_if(Fault::Reboot, s.link.rebooted);
         let silent = known && s.silence(seen.now) > l::LINK_SILENT;
         set.insert_if(Fault::LinkLost, seen.host.link_lost || silent);
-        // A leaky count: this share of the frames refused keeps it full.
+        // A leaky counter: this share of refused frames keeps it full.
         let c = &s.link;
         let bad = c.refused_frames.wrapping_sub(self.refused);
         let good = c.messages.wrapping_sub(self.messages);

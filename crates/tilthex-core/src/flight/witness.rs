@@ -1,8 +1,9 @@
-//! Compares captured positions and accelerometer just after lift-off: how late poses are, and whether
-//! they show a mirror image.
+//! Compares captured positions with the accelerometer just after lift-off: finds the delay of the poses, and whether
+//! they are a mirror image.
 //!
-//! Second differences of both are correlated over a range of delays: neither a bias nor a drift enters them. The largest
-//! correlation tells the delay, and its matrix the axes: a turn keeps its determinant positive, a mirror does not.
+//! Second differences of both are correlated over a range of delays, so that neither a bias nor a drift has an
+//! effect. The largest correlation gives the delay, and its matrix the axes: a rotation keeps its determinant
+//! positive, a mirror image does not.
 
 use crate::{
     supervisor::limits::CAPTURE_LATE,
@@ -18,14 +19,15 @@ const DELAYS: usize = 16;
 const EVERY: f64 = 0.01;
 const KEPT: usize = 48;
 const SEEN: usize = 16;
-/// Time constant with which older products are forgotten, s.
+/// Time constant with which older products lose their weight, s.
 const FORGETS: f64 = 2.0;
-/// Least integral of the squared felt acceleration with which anything is concluded, (m/s^2)^2 s.
+/// Smallest integral of the squared felt acceleration that allows a conclusion, (m/s^2)^2 s.
 const SHAKES: f64 = 0.1;
 /// Least correlation that is used; and how much larger that of a delay must be than that without a delay.
 const TELLS: f64 = 0.6;
 const BETTER: f64 = 0.15;
-/// A determinant below this, as a part of the squared sideways products, is a mirror image: a turn has 1, a mirror -1.
+/// A smaller determinant than this, divided by the squared sideways products, is a mirror image: a rotation has 1, a
+/// mirror image -1.
 const MIRRORS: f64 = -0.4;
 
 /// The observations since the take-off began.
@@ -78,7 +80,7 @@ impl Witness {
         }
     }
 
-    /// Where the accelerometer had the vehicle at a time, s, as far as it is kept.
+    /// Position of the vehicle by the accelerometer at a time, s, if it is still kept.
     fn felt_at(&self, time: f64) -> Option<Vector3> {
         let back = (self.time - time) / EVERY;
         let whole = libm::floor(back);
@@ -114,7 +116,7 @@ impl Witness {
             Some(difference(&at(pose.time)?, &at(middle.0)?, &at(first.0)?))
         };
         let rates: [Option<Vector3>; DELAYS] = core::array::from_fn(|k| felt(k as f64 * STEP));
-        // Only where every delay can be compared.
+        // Only if every delay can be compared.
         if rates.iter().any(Option::is_none) {
             return;
         }
@@ -138,7 +140,7 @@ impl Witness {
         self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
-    /// Whether poses are later than their times say, and whether they show a mirror image.
+    /// Whether poses are later than their times, and whether they are a mirror image.
     pub(super) fn tells(&self) -> (bool, bool) {
         let Some((steps, size, at_once, p)) = self.best().filter(|best| best.1 > TELLS) else {
             return (false, false);
@@ -149,7 +151,7 @@ impl Witness {
         (late, 2.0 * determinant < MIRRORS * square)
     }
 
-    /// How far the captured body has come, m, world.
+    /// Distance that the captured body has moved, m, world.
     pub(super) fn way(&self) -> Vector3 {
         let newest_w = self.seen.first().map(|(_, position_w)| position_w);
         newest_w.zip(self.from_w).map_or_else(Vector3::zeros, |(newest_w, from_w)| newest_w - from_w)

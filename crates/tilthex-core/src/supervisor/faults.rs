@@ -91,7 +91,7 @@ pub struct Sentence {
 }
 
 impl Sentence {
-    /// Whether it says nothing.
+    /// Whether the sentence is empty.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.text.is_empty()
@@ -103,7 +103,7 @@ impl fmt::Display for Sentence {
         let mut numbers = self.numbers.iter();
         for (i, part) in self.text.split("{}").enumerate() {
             if i > 0 {
-                // Rounded to what a person reads: 0.006 s in milliseconds is 6, not 6.000000000000001.
+                // Rounded for the reader: 0.006 s in milliseconds is 6, not 6.000000000000001.
                 let number = numbers.next().copied().unwrap_or(f64::NAN);
                 write!(f, "{}", libm::rint(number * 1e6) / 1e6)?;
             }
@@ -116,7 +116,7 @@ impl fmt::Display for Sentence {
 /// One row of the table.
 #[derive(Clone, Copy, Debug)]
 pub struct Row {
-    /// Which fault.
+    /// The fault.
     pub fault: Fault,
     /// Its name in logs and messages.
     pub name: &'static str,
@@ -124,13 +124,13 @@ pub struct Row {
     pub detection: Sentence,
     /// For how long the condition must hold, s.
     pub after: f64,
-    /// For how long it must be gone to count as over, s.
+    /// For how long the condition must be absent until the fault is over, s.
     pub over: f64,
     /// The reaction before take-off.
     pub on_ground: Reaction,
     /// The reaction in flight.
     pub in_flight: Reaction,
-    /// The substitute meanwhile, and how the cause is repaired.
+    /// The substitute, if there is one, and how to remove the cause.
     pub remark: Sentence,
 }
 
@@ -168,7 +168,7 @@ pub const LIFT_OFF_FAULTS: [Fault; 5] =
 /// Number of faults.
 pub const COUNT: usize = 55;
 
-/// Every fault, in the order of [`Fault`].
+/// All faults, in the order of [`Fault`].
 #[rustfmt::skip]
 pub const TABLE: [Row; COUNT] = [
     row(Fault::ImuLate, "IMU late", s("no inertial sample for {} ms", &[1e3 * l::IMU_LATE]), (0.0, 0.1), (Note, Note), s("the model predicts until the next sample", &[])),

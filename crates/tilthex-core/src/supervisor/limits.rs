@@ -1,12 +1,12 @@
 //! The numbers of the faults: each is used by the flight's conditions and shown in the table.
 
-/// Without inertial samples for longer than this the model stands in, s.
+/// Without inertial samples for longer than this the model replaces them, s.
 pub const IMU_LATE: f64 = 6e-3;
 /// Without inertial samples for longer than this the IMU is silent, s.
 pub const IMU_SILENT: f64 = 0.05;
-/// This many inertial readings in a row that are equal to the bit are no measurement.
+/// This many equal inertial readings in a row are not measurements.
 pub const IMU_FROZEN: u32 = 25;
-/// A line whose samples come later than they used to by more than this is late, s.
+/// A line whose samples arrive later than usual by more than this is late, s.
 pub const LINE_LATE: f64 = 0.009;
 /// Streams that are silent for longer than this are requested again, s.
 pub const STREAM_SILENT: f64 = 0.5;
@@ -16,37 +16,37 @@ pub const MOTORS_STALE: f64 = 0.1;
 pub const MOTORS_FRESH: f64 = 0.03;
 /// A motor's measurement that is older than this is silent, s.
 pub const MOTORS_SILENT: f64 = 1.0;
-/// A motor this far from the lagged command does not follow, Hz.
+/// A motor whose speed differs from the lagged command by this does not follow, Hz.
 pub const WRONG_SPEED: f64 = 12.0;
 /// A motor slower than this part of the lagged command has stopped.
 pub const STOPPED: f64 = 0.5;
-/// The least share of its wrench that a rotor without thrust lacks.
+/// The smallest share of its wrench that a rotor without thrust lacks.
 pub const THRUST_MISSING: f64 = 0.6;
-/// The same rotor is suspected to have no thrust for this long, s.
+/// A rotor must be suspected for this time before its trial, s.
 pub const THRUST_AFTER: f64 = 0.06;
-/// Then it is tried, twice: it stands still for this long, s.
+/// In each of two trials the rotor stands still for this time, s.
 pub const THRUST_TRIAL: f64 = 0.12;
-/// A motor that says it has stopped is believed after this long, unless its rotor lifts, s.
+/// A motor that reports a stop is believed after this time, unless its rotor lifts, s.
 pub const STOPPED_AFTER: f64 = 0.06;
-/// Speed of the descent without a rotor that it takes to hover, m/s.
+/// Speed of the descent without a rotor that a hover needs, m/s.
 pub const ADRIFT_SPEED: f64 = 1.0;
-/// The same pose to the bit for longer than this is no pose, s.
+/// A pose that is exactly repeated for longer than this is not a pose, s.
 pub const POSE_FROZEN: f64 = 0.1;
 /// The motion by the IMU alone is compared with that of the poses over this time, s.
 pub const CAPTURE_WINDOW: f64 = 1.0;
-/// The first one after take-off over this time, s.
+/// Duration of the first comparison after take-off, s.
 pub const RECKONED_FIRST: f64 = 2.0;
-/// They agree within this, m and m/s.
+/// Both motions agree within this, m and m/s.
 pub const CAPTURE_AGREES: (f64, f64) = (0.12, 0.25);
-/// Up to this height above the ground a lift-off that goes wrong ends with the motors' stop, m.
+/// Up to this height above the ground the motors are stopped if a lift-off goes wrong, m.
 pub const LIFT_OFF: f64 = 0.3;
 /// A lift-off is watched for this long at the most, s.
 pub const LIFT_OFF_TIME: f64 = 3.0;
-/// In it a good vehicle leaves its attitude by less than this, degrees.
+/// During the lift-off the attitude of a correct vehicle changes by less than this, degrees.
 pub const LIFT_OFF_TILT: f64 = 9.0;
-/// And its place by less than this, m.
+/// During the lift-off a correct vehicle moves aside by less than this, m.
 pub const LIFT_OFF_ASIDE: f64 = 0.1;
-/// Poses that are older by this than motion capture says are a fault of a lift-off, s.
+/// Poses that are older by this than their times say are a fault of a lift-off, s.
 pub const CAPTURE_LATE: f64 = 0.04;
 /// A pose that is older than this is late, s.
 pub const POSE_LATE: f64 = 0.05;

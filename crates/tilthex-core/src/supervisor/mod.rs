@@ -1,7 +1,7 @@
-//! The supervisor: which phase the flight is in, and what a fault does to it.
+//! The supervisor: the phase of the flight, and the reaction to faults.
 //!
-//! In flight the worst reaction is to land; motors stop only on the ground, on the operator's explicit kill, or
-//! where a lift-off goes wrong, while that is the gentle thing.
+//! In flight the strongest reaction is a landing. Motors stop only on the ground, by the operator's order `kill`, or
+//! just after a lift-off that goes wrong, when a stop does less harm than flying.
 
 pub mod faults;
 pub mod limits;
@@ -23,9 +23,9 @@ pub enum Phase {
     Flying,
     /// The mission is held.
     Holding,
-    /// On the way down.
+    /// The vehicle descends.
     Landing,
-    /// On the way down without a position.
+    /// The vehicle descends without a position.
     Emergency,
 }
 
@@ -64,11 +64,11 @@ pub struct Facts {
     pub ramp_done: bool,
     /// The vehicle stands on the ground.
     pub touchdown: bool,
-    /// A take-off is wanted.
+    /// A take-off is ordered.
     pub take_off: bool,
-    /// The operator's explicit kill.
+    /// The operator's order `kill`.
     pub kill: bool,
-    /// The faults just after lift-off, at which stopping the motors is gentler than flying on.
+    /// The fault just after lift-off for which stopping the motors does less harm than flying.
     pub abort: Option<Fault>,
 }
 
@@ -90,7 +90,7 @@ pub struct Supervisor {
     phase: Phase,
     active: FaultSet,
     seen: FaultSet,
-    /// For how long each condition has held (positive) or been gone (negative), s.
+    /// For how long each condition has held (positive) or has been absent (negative), s.
     timers: [f64; COUNT],
     counts: [u32; COUNT],
     landed: bool,
@@ -126,13 +126,13 @@ impl Supervisor {
         self.phase
     }
 
-    /// Faults that last.
+    /// Active faults.
     #[must_use]
     pub fn active(&self) -> FaultSet {
         self.active
     }
 
-    /// Faults there have been.
+    /// All faults since the begin.
     #[must_use]
     pub fn seen(&self) -> FaultSet {
         self.seen
@@ -203,7 +203,7 @@ impl Supervisor {
                 Phase::Disarmed
             }
             Phase::Starting if facts.all_spinning => Phase::Grounded,
-            // Nobody takes off into a fault that would hold him.
+            // The vehicle does not take off if a fault would hold it in the air.
             Phase::Grounded if facts.ramp_done && worst < Reaction::Hold => Phase::Flying,
             Phase::Starting | Phase::Grounded => before,
             Phase::Flying | Phase::Holding => match worst {
@@ -229,7 +229,7 @@ impl Supervisor {
         if begins_to_land {
             self.ended_by = self.active.rows().find(|row| row.in_flight == worst).map(|row| row.fault);
         }
-        // An ordered landing that went wrong did not end as ordered.
+        // An ordered landing that went wrong did not end as it was ordered.
         if self.ended_by == Some(Fault::Operator) && self.phase.in_flight() {
             let wrong = |row: &&Row| row.fault != Fault::Operator && row.in_flight >= Reaction::Land;
             self.ended_by = self.active.rows().find(wrong).map(|row| row.fault).or(self.ended_by);

@@ -8,7 +8,7 @@ use crate::{log::schema, recorder::Latest};
 pub const BESIDES: [(&str, &str, &str); 3] = [
     ("late", "int", "Periods of the loop that were skipped, total."),
     ("refused", "int", "Requests on the control socket that were refused, total."),
-    ("controls", "str | None", "Who holds the controls; None while nobody does."),
+    ("controls", "str | None", "Name of the client that holds the controls; None if no client holds them."),
 ];
 
 /// The newest state; numbers that are not finite are null. `controls`: who holds them.

@@ -39,7 +39,7 @@ pub(super) const QUATERNION: Message<[f64; 4]> = Message {
 
 pub(super) const WRENCH: Message<Wrench> = Message {
     name: "Wrench",
-    doc: "A force and a torque; where the torque is about, and in which frame they are, stands with each.",
+    doc: "A force and a torque. Each value that uses it says the point of the torque and the frame.",
     fields: &[
         field(1, "force", "N", "", "", Vector(|w| w.force)),
         field(2, "torque", "N m", "", "", Vector(|w| w.torque)),
@@ -50,8 +50,8 @@ pub(super) const POSE: Message<PoseSample> = Message {
     name: "Pose",
     doc: "A captured pose.",
     fields: &[
-        field(1, "time", "s", "", "When it was taken.", Number(|p| p.time)),
-        field(2, "arrival", "s", "", "When it arrived.", Number(|p| p.arrival)),
+        field(1, "time", "s", "", "Time at which it was taken.", Number(|p| p.time)),
+        field(2, "arrival", "s", "", "Time at which it arrived.", Number(|p| p.arrival)),
         field(3, "position_w", "m", "", "Position of the captured body.", Vector(|p| p.position_w)),
         field(4, "rotation", "", "", "Its rotation, nine numbers row by row; maps its coordinates to world coordinates.", Matrix(|p| p.rotation_wr)),
         field(5, "tracking_valid", "", "", "Whether the body is tracked.", Flag(|p| p.tracking_valid)),
@@ -60,7 +60,7 @@ pub(super) const POSE: Message<PoseSample> = Message {
 
 const STATE: Message<Tick> = Message {
     name: "State",
-    doc: "What the estimator knows.",
+    doc: "The state of the estimator.",
     fields: &[
         field(1, "position_w", "m", "position", "Position of the centre of mass.", Vector(|t| t.record.state.position_w)),
         field(2, "velocity_w", "m/s", "velocity", "Velocity of the centre of mass.", Vector(|t| t.record.state.velocity_w)),
@@ -74,7 +74,7 @@ const STATE: Message<Tick> = Message {
         field(10, "rotation_deviation", "rad", "", "Deviation of the rotation: root of the summed variances.", Number(|t| t.record.deviation[2])),
         field(11, "innovation", "1", "", "Normalised innovation squared of the newest pose, over its degrees of freedom.", Number(|t| t.record.innovation)),
         field(12, "pose_age", "s", "pose_age", "Age of the newest pose whose position was applied.", Number(|t| t.record.pose_age)),
-        field(13, "time", "s", "", "When this state held: time of the newest inertial sample.", Number(|t| t.record.state_time)),
+        field(13, "time", "s", "", "Time of this state: that of the newest inertial sample.", Number(|t| t.record.state_time)),
         field(14, "latency", "s", "latency", "Estimated latency: mean time from the capture of a pose to its arrival.", Number(|t| t.record.latency)),
     ],
 };
@@ -95,13 +95,13 @@ const TARGET: Message<Setpoint> = Message {
 
 const WRENCHES: Message<Tick> = Message {
     name: "Wrenches",
-    doc: "What the environment exerts on the robot.",
+    doc: "Wrenches of the environment on the robot.",
     fields: &[
         field(1, "robot", "N, N m", "", "At the centre of mass: force in world, torque in robot axes.", Force(|t| t.record.wrench_robot)),
         field(2, "tool_w", "N, N m", "force, torque", "About the tool tip, world axes.", Force(|t| t.record.wrench_tool_w)),
-        field(3, "admittance_w", "N, N m", "", "What enters the admittance filter, world axes.", Force(|t| t.record.wrench_admittance_w)),
-        field(4, "wind_w", "m/s", "wind", "Estimated velocity of the air; zero where `[contact] discrimination` is off.", Vector(|t| t.record.wind_w)),
-        field(5, "contact_likelihood", "1", "contact_likelihood", "Likelihood that the tool is touched; near 1 where `[contact] discrimination` is off.", Number(|t| t.record.contact_likelihood)),
+        field(3, "admittance_w", "N, N m", "", "Input of the admittance filter, about the tool tip, world axes.", Force(|t| t.record.wrench_admittance_w)),
+        field(4, "wind_w", "m/s", "wind", "Estimated velocity of the air; zero if `[contact] discrimination` is off.", Vector(|t| t.record.wind_w)),
+        field(5, "contact_likelihood", "1", "contact_likelihood", "Likelihood that the tool is touched; near 1 if `[contact] discrimination` is off.", Number(|t| t.record.contact_likelihood)),
     ],
 };
 
@@ -114,7 +114,7 @@ const CONTROL: Message<Tick> = Message {
         field(3, "compliant", "", "compliant", "Whether contact moves the reference.", Flag(|t| t.record.compliant)),
         field(4, "saturated", "", "saturated", "Whether a rotor is at a limit.", Flag(|t| t.record.saturated)),
         field(5, "excursion_limited", "", "", "Whether the admittance filter is at its excursion limit.", Flag(|t| t.record.excursion_limited)),
-        field(6, "given_up", "", "given_up", "The most important part of the wanted wrench that the rotors do not give; none where they give it all.", Part(|t| t.record.given_up)),
+        field(6, "given_up", "", "given_up", "The most important part of the wanted wrench that the rotors do not produce; none if they produce all of it.", Part(|t| t.record.given_up)),
     ],
 };
 
@@ -137,7 +137,7 @@ const FLIGHT: Message<Tick> = Message {
         field(2, "time", "s", "time", "Time of the tick.", Number(|t| t.record.input.time)),
         field(3, "dt", "s", "", "Time since the last tick.", Number(|t| t.record.dt)),
         field(4, "phase", "", "phase", "Phase after the tick.", Phase(|t| t.record.phase)),
-        field(5, "faults", "", "faults", "Faults that last, one bit each: bit and name in docs/faults.md.", Faults(|t| t.record.faults)),
+        field(5, "faults", "", "faults", "Active faults, one bit each; docs/faults.md lists bit and name.", Faults(|t| t.record.faults)),
     ],
 };
 
@@ -145,7 +145,7 @@ const LINK: Message<Tick> = Message {
     name: "Link",
     doc: "Counters of the link and of poses, totals since the start.",
     fields: &[
-        field(1, "messages", "", "", "Messages of the vehicle that were taken.", Count(|t| t.record.counters.messages)),
+        field(1, "messages", "", "", "Messages of the vehicle that were accepted.", Count(|t| t.record.counters.messages)),
         field(2, "refused_frames", "", "", "Frames that were refused.", Count(|t| t.record.counters.refused_frames)),
         field(3, "refused_samples", "", "", "Samples that their gate refused.", Count(|t| t.record.counters.refused_samples)),
         field(4, "lost_samples", "", "", "Inertial samples lost, by their sequence numbers.", Count(|t| t.record.counters.lost_samples)),
@@ -160,31 +160,31 @@ const MODEL: Message<Tick> = Message {
     doc: "The vehicle's model that the laws use.",
     fields: &[
         field(1, "mass", "kg", "mass", "Mass.", Number(|t| t.record.model.mass)),
-        field(2, "centre_of_mass_r", "m", "centre_of_mass", "Centre of mass, from where the configuration has it.", Vector(|t| t.record.model.centre_of_mass_r)),
+        field(2, "centre_of_mass_r", "m", "centre_of_mass", "Centre of mass, relative to the one of the configuration.", Vector(|t| t.record.model.centre_of_mass_r)),
         field(3, "false_force", "N", "false_force", "Contact force that tilted hovers may show without contact: one standard deviation.", Number(|t| t.record.model.false_force)),
         field(4, "false_torque", "N m", "false_torque", "Contact torque that tilted hovers may show without contact: one standard deviation.", Number(|t| t.record.model.false_torque)),
-        field(5, "hovers", "", "hovers", "Hovers that the model was learnt from; 0 for the configured model.", Count(|t| t.record.model.hovers.into())),
+        field(5, "hovers", "", "hovers", "Number of hovers from which the model was learnt; 0 for the configured model.", Count(|t| t.record.model.hovers.into())),
         field(6, "misfit", "1", "", "Mean squared normalised innovation of these hovers.", Number(|t| t.record.model.misfit)),
     ],
 };
 
 const TIMING: Message<Tick> = Message {
     name: "Timing",
-    doc: "How punctual the loop is.",
+    doc: "The timing of the loop.",
     fields: &[
         field(1, "wake_latency", "ns", "", "From the deadline to the begin of the tick.", Total(|t| t.timing.wake_latency)),
         field(2, "compute", "ns", "", "From the begin of the tick to the end of its write.", Total(|t| t.timing.compute)),
-        field(3, "period", "ns", "", "Since the begin of the last tick.", Total(|t| t.timing.period)),
+        field(3, "period", "ns", "", "From the begin of the last tick to the begin of this one.", Total(|t| t.timing.period)),
         field(4, "skipped", "", "", "Whole periods that were skipped before this tick.", Total(|t| t.timing.skipped)),
-        field(5, "imu_to_command", "ns", "", "From the IMU's bytes found to the command written; 0 where none came.", Total(|t| t.timing.imu_to_command)),
-        field(6, "polls", "", "", "Looks at the port before the IMU's bytes were there.", Count(|t| t.timing.polls)),
-        field(7, "short_writes", "", "", "Writes that the line did not take whole, total.", Total(|t| t.timing.short_writes)),
+        field(5, "imu_to_command", "ns", "", "From the moment at which the IMU's bytes were found to the end of the command's write; 0 if no bytes came.", Total(|t| t.timing.imu_to_command)),
+        field(6, "polls", "", "", "How often the loop looked at the port before the IMU's bytes were there.", Count(|t| t.timing.polls)),
+        field(7, "short_writes", "", "", "Writes of which the line took only a part, total.", Total(|t| t.timing.short_writes)),
     ],
 };
 
 const INPUT: Message<Tick> = Message {
     name: "Input",
-    doc: "What the tick took in. With the attached configuration and the commands, `tilthex-rt replay` runs the flight again from it.",
+    doc: "The inputs of the tick. From them, the attached configuration and the commands, `tilthex-rt replay` runs the flight again.",
     fields: &[
         field(1, "tick", "", "", "Number of the tick.", Total(|t| t.record.tick)),
         field(2, "time", "s", "", "Time of the tick.", Number(|t| t.record.input.time)),
@@ -201,14 +201,14 @@ const INPUT: Message<Tick> = Message {
 
 const OUTPUT: Message<Tick> = Message {
     name: "Output",
-    doc: "What the tick sent.",
+    doc: "The output of the tick.",
     fields: &[
         field(1, "tick", "", "", "Number of the tick.", Total(|t| t.record.tick)),
         field(2, "link", "", "", "Bytes to the vehicle.", Bytes(|t| t.wire.sent.bytes())),
     ],
 };
 
-/// An order as it was given.
+/// An order, as the client sent it.
 pub(super) struct Order {
     pub(super) json: String,
     pub(super) urgent: bool,
@@ -216,10 +216,10 @@ pub(super) struct Order {
 
 pub(super) const COMMAND: Message<Order> = Message {
     name: "Command",
-    doc: "An order as it was given.",
+    doc: "An order, as the client sent it.",
     fields: &[
         field(1, "json", "", "", "One line of JSON.", Text(|o| &o.json)),
-        field(2, "urgent", "", "", "Whether it went past all others (`kill`, `land`): /input holds what it did.", Flag(|o| o.urgent)),
+        field(2, "urgent", "", "", "Whether it was executed before all others (`kill`, `land`); its effect is in /input.", Flag(|o| o.urgent)),
     ],
 };
 
@@ -228,15 +228,15 @@ pub(super) type Timed = (f64, Truth);
 
 pub(super) const TRUTH: Message<Timed> = Message {
     name: "Truth",
-    doc: "What is true of the simulated vehicle.",
+    doc: "The true state of the simulated vehicle.",
     fields: &[
-        field(1, "time", "s", "", "When it was true; the clock of /state and /flight.", Number(|t| t.0)),
+        field(1, "time", "s", "", "Time of this state, on the clock of /state and /flight.", Number(|t| t.0)),
         field(2, "position_w", "m", "", "Position of the centre of mass.", Vector(|t| t.1.robot.position_w)),
         field(3, "velocity_w", "m/s", "", "Velocity of the centre of mass.", Vector(|t| t.1.robot.velocity_w)),
         field(4, "orientation", "", "", "Rotation of the robot.", Rotation(|t| t.1.robot.rotation_wr)),
         field(5, "angular_velocity_r", "rad/s", "", "Angular velocity.", Vector(|t| t.1.robot.angular_velocity_r)),
         field(6, "tool_position_w", "m", "", "Position of the tool tip.", Vector(|t| t.1.tool_position_w)),
-        field(7, "tool_wrench_w", "N, N m", "", "What pushes the tool, world axes.", Force(|t| t.1.tool_wrench_w)),
+        field(7, "tool_wrench_w", "N, N m", "", "Wrench of the environment on the tool, world axes.", Force(|t| t.1.tool_wrench_w)),
         field(8, "rotor_speeds", "Hz", "", "Speed of each rotor.", Rotors(|t| t.1.rotor_speeds)),
     ],
 };

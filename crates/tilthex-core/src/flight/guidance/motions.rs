@@ -1,22 +1,22 @@
-//! How a set-point moves of itself: the descent of a landing, and the way back from a detour.
+//! Motions of a set-point without an order: the descent of a landing, and the return from a detour.
 
 use crate::types::Vector3;
 
 /// A landing reaches its speed of descent within this time, s.
 const SINK_IN: f64 = 1.0;
 
-/// Times of the way back from a detour: to the place, and to the speed, s.
+/// Time constants of the return from a detour: of the position, and of the speed, s.
 const WAY_BACK: (f64, f64) = (1.0, 0.5);
 
-/// The descent of a landing, which goes on until the ground is felt: where the
-/// ground is in the world is not relied on.
+/// The descent of a landing. It continues until the ground is felt, and does not depend on the height of the ground
+/// in the world.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Sink {
     /// Distance below the start of the descent, m.
     pub(super) depth: f64,
-    /// m/s.
+    /// Speed, m/s.
     pub(super) speed: f64,
-    /// m/s^2.
+    /// Acceleration, m/s^2.
     pub(super) rate: f64,
 }
 
@@ -29,11 +29,11 @@ impl Sink {
     }
 }
 
-/// How far set-points are moved from where they were commanded: a capture system that jumps
-/// moves the world, and what follows is a flight back at the usual speed, not a leap.
+/// Distance of set-points from their commanded positions. A capture system that jumps moves the world; then the
+/// vehicle flies back at the usual speed and does not jump.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Detour {
-    /// m, m/s and m/s^2.
+    /// Distance, speed and acceleration: m, m/s and m/s^2.
     pub(super) offset_w: Vector3,
     pub(super) velocity_w: Vector3,
     pub(super) acceleration_w: Vector3,
@@ -41,7 +41,7 @@ pub(super) struct Detour {
 
 impl Detour {
     pub(super) fn step(&mut self, fastest: f64, back: bool, dt: f64) {
-        // Second order, damping ratio 0.7, cut to the fastest.
+        // Second order, damping ratio 0.7, limited to the largest rate.
         let back_w = if back { -self.offset_w / WAY_BACK.0 } else { Vector3::zeros() };
         let wanted_w = back_w * (fastest / back_w.norm().max(fastest));
         self.acceleration_w = (wanted_w - self.velocity_w) / WAY_BACK.1;
