@@ -55,13 +55,13 @@ class Model(TypedDict):
     mass: float | None
     """Mass. [kg]"""
     centre_of_mass: Array
-    """Centre of mass, from where the configuration has it. [m]"""
+    """Centre of mass, relative to the one of the configuration. [m]"""
     false_force: float | None
     """Contact force that tilted hovers may show without contact: one standard deviation. [N]"""
     false_torque: float | None
     """Contact torque that tilted hovers may show without contact: one standard deviation. [N m]"""
     hovers: int
-    """Hovers that the model was learnt from; 0 for the configured model."""
+    """Number of hovers from which the model was learnt; 0 for the configured model."""
 
 
 class State(TypedDict):
@@ -88,9 +88,9 @@ class State(TypedDict):
     torque: Array
     """About the tool tip, world axes. [N, N m]"""
     wind: Array
-    """Estimated velocity of the air; zero where `[contact] discrimination` is off. [m/s]"""
+    """Estimated velocity of the air; zero if `[contact] discrimination` is off. [m/s]"""
     contact_likelihood: float | None
-    """Likelihood that the tool is touched; near 1 where `[contact] discrimination` is off. [1]"""
+    """Likelihood that the tool is touched; near 1 if `[contact] discrimination` is off. [1]"""
     position_error: Array
     """Position error e_p. [m]"""
     compliant: bool
@@ -98,7 +98,7 @@ class State(TypedDict):
     saturated: bool
     """Whether a rotor is at a limit."""
     given_up: str | None
-    """The most important part of the wanted wrench that the rotors do not give; none where they give it all."""
+    """The most important part of the wanted wrench that the rotors do not produce; none if they produce all of it."""
     rotor_command: Array
     """Commanded speed of each rotor. [Hz]"""
     rotor_speeds: Array
@@ -112,7 +112,7 @@ class State(TypedDict):
     phase: str
     """Phase after the tick."""
     faults: list[str]
-    """Faults that last, one bit each: bit and name in docs/faults.md."""
+    """Active faults, one bit each; docs/faults.md lists bit and name."""
     model: Model
     """The vehicle's model that the laws use."""
     late: int
@@ -120,4 +120,4 @@ class State(TypedDict):
     refused: int
     """Requests on the control socket that were refused, total."""
     controls: str | None
-    """Who holds the controls; None while nobody does."""
+    """Name of the client that holds the controls; None if no client holds them."""

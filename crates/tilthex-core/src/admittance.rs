@@ -29,19 +29,20 @@ pub struct AdmittanceParams {
     pub damping: Matrix6,
     /// K, N/m and N m/rad; positive semi-definite.
     pub stiffness: Matrix6,
-    /// Farthest the reference may yield, m.
+    /// Largest distance of the reference from the set-point, m.
     pub max_translation: f64,
-    /// Farthest the reference may turn, rad; below pi.
+    /// Largest rotation of the reference from the set-point, rad; below pi.
     pub max_rotation: f64,
 }
 
 /// Rate of a reference that does not yield, critically damped, 1/s.
 const FIRM: f64 = 2.0;
-/// How far it may be from its set-point at the begin, at the least: m and rad.
+/// Smallest allowed excursion of such a reference at its begin: m and rad.
 const FIRM_EXCURSION: (f64, f64) = (1.0, 1.0);
 
 impl AdmittanceParams {
-    /// Those of a reference that does not yield and returns from wherever `yielding` let it go.
+    /// The parameters of a reference that does not yield, and that returns from any place to which `yielding` let it
+    /// go.
     #[must_use]
     pub(crate) fn firm(yielding: &Self) -> Self {
         let (far, wide) = FIRM_EXCURSION;
@@ -90,7 +91,7 @@ pub struct AdmittanceFilter {
     least_trace: f64,
 }
 
-/// The linear part: most often no axis acts on another.
+/// The linear part; usually each axis acts only on itself.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "one a filter, and nothing is allocated")]
 enum Law {
@@ -116,8 +117,8 @@ impl Default for AdmittanceState {
 }
 
 impl AdmittanceState {
-    /// The state whose reference is a given tool pose and twist: a filter that
-    /// is switched on, or given a new set-point, with it does not jump.
+    /// The state whose reference is a given tool pose and twist. With it, a filter that is switched on, or that gets
+    /// a new set-point, does not jump.
     #[must_use]
     pub fn at(reference: &Setpoint, setpoint: &Setpoint) -> Self {
         let v = reference.velocity_w - setpoint.velocity_w;
@@ -135,13 +136,13 @@ impl AdmittanceState {
 pub struct AdmittanceOutput {
     /// Pose, twist and acceleration of the reference; its wrench is the set-point's.
     pub reference: Setpoint,
-    /// e: how far it has yielded, m and rad (sine of the angle), world.
+    /// e: deviation of the reference from the set-point, m and rad (sine of the angle), world.
     pub deviation_w: Vector6,
-    /// Whether the excursion limit holds it back.
+    /// Whether the excursion limit limits the reference.
     pub limited: bool,
 }
 
-/// Faster filters, 1/s, are refused: nothing that they ask for is a motion.
+/// Faster filters, 1/s, are refused: no vehicle can follow them.
 const FASTEST: f64 = 1e9;
 impl AdmittanceFilter {
     /// Checks the parameters, and prepares for periods near 2 ms.
@@ -171,7 +172,8 @@ impl AdmittanceFilter {
         Ok(Self { params, spring, law, least_trace: least_trace(params.max_rotation) })
     }
 
-    /// The same filter of [`AdmittanceParams::firm`], where another one may yield farther. It cannot fail.
+    /// The filter of [`AdmittanceParams::firm`] with the excursion limits of a filter that may yield farther. It
+    /// cannot fail.
     #[must_use]
     pub(crate) fn reaching(mut self, yielding: &AdmittanceParams) -> Self {
         let AdmittanceParams { max_translation, max_rotation, .. } = AdmittanceParams::firm(yielding);
@@ -186,7 +188,8 @@ impl AdmittanceFilter {
         &self.params
     }
 
-    /// Prepares for steps of about `period` seconds, if it is not: others cost several times as much.
+    /// Prepares for steps of about `period` seconds, if it is not prepared for them. A step with another period takes
+    /// several times as long.
     pub fn prepare(&mut self, period: f64) {
         match &mut self.law {
             Law::Diagonal(law) => law.prepare(period),
@@ -194,24 +197,23 @@ impl AdmittanceFilter {
         }
     }
 
-    /// Whether the rotational spring has a potential. It has not where one rotational stiffness is
-    /// larger than the sum of the two others: a turn that ends where it began may gain energy.
+    /// Whether the rotational spring has a potential. It has none if one rotational stiffness is larger than the sum
+    /// of the two others: then a rotation that ends where it began may gain energy.
     #[must_use]
     pub fn has_potential(&self) -> bool {
         self.spring.has_potential()
     }
 
-    /// Energy of the deviation, J: that of its motion and, where the spring [has a
-    /// potential](Self::has_potential), what is stored in it. Without a push, at a set-point that
-    /// does not turn, it never grows.
+    /// Energy of the deviation, J: kinetic energy and, if the spring [has a potential](Self::has_potential), the
+    /// energy in the spring. Without a push, at a set-point that does not rotate, it never grows.
     #[must_use]
     pub fn energy(&self, state: &AdmittanceState) -> f64 {
         let moving = 0.5 * state.twist_w.dot(&(self.params.mass * state.twist_w));
         moving + self.spring.energy(&state.translation_w, &state.rotation)
     }
 
-    /// Moves the reference on by `dt` seconds under the wrench `what_E + w_user`
-    /// at the tool (world), held over the period; `setpoint` is that at its end.
+    /// Moves the reference by `dt` seconds under the wrench `what_E + w_user` at the tool (world), which is constant
+    /// over the period; `setpoint` is the set-point at its end.
     pub fn step(
         &self,
         state: &mut AdmittanceState,
@@ -261,8 +263,8 @@ impl AdmittanceFilter {
         }
     }
 
-    /// Keeps the excursion within its limits: back onto the sphere, without outward velocity.
-    /// Returns the outward directions of translation and turn that are at their limits.
+    /// Limits the excursion: moves the deviation back onto the limit, and removes the outward velocity. Returns the
+    /// outward directions of translation and rotation that are at their limits.
     fn hold_back(&self, state: &mut AdmittanceState) -> [Option<Vector3>; 2] {
         let (mut v, mut w) = halves(&state.twist_w);
         let translation = clamp(&mut state.translation_w, &mut v, self.params.max_translation);
@@ -286,7 +288,7 @@ fn least_trace(max_rotation: f64) -> f64 {
     1.0 + 2.0 * libm::cos(max_rotation)
 }
 
-/// Brings a vector longer than `limit` back to it; returns its direction if it was.
+/// Limits a vector to the length `limit`; returns its direction if it was longer.
 fn clamp(value: &mut Vector3, rate: &mut Vector3, limit: f64) -> Option<Vector3> {
     let norm = value.norm();
     if norm > limit {
@@ -299,7 +301,7 @@ fn clamp(value: &mut Vector3, rate: &mut Vector3, limit: f64) -> Option<Vector3>
     }
 }
 
-/// What is left of a rate where the way `outward` is barred.
+/// A rate without its part in the direction `outward`, which is at its limit.
 fn without_outward(rate: Vector3, outward: Option<Vector3>) -> Vector3 {
     match outward {
         Some(n) if rate.dot(&n) > 0.0 => rate - n * rate.dot(&n),
@@ -323,7 +325,8 @@ pub fn centre_of_mass_reference(tool_reference: &Setpoint, tool: &Mounting) -> R
     about_tool(t, &attitude, &tool.position_r)
 }
 
-/// An attitude with the place and the motion at which the tool is where its reference is.
+/// The reference of the centre of mass for a given attitude, with the position and the motion at which the tool is at
+/// its reference.
 pub(crate) fn about_tool(
     tool_reference: &Setpoint,
     attitude: &Reference,

@@ -97,7 +97,7 @@ pub struct AllocatorState {
 pub struct RotorStatus {
     /// Measured speeds, Hz; used with [`AllocatorParams::horizon`].
     pub speeds: RotorVector,
-    /// Bit `i` is set where rotor `i` (from 0) is lost and stands still.
+    /// Bit `i` is set if rotor `i` (from 0) is lost and stands still.
     pub lost: u16,
 }
 
@@ -114,9 +114,9 @@ pub struct Allocation {
     pub given_up: Option<Priority>,
     /// Norm of each part's error, N or N m, in the order of [`Priority::ORDER`].
     pub shortfall: [f64; 4],
-    /// Bit `i` is set where rotor `i` is at its lower limit.
+    /// Bit `i` is set if rotor `i` is at its lower limit.
     pub at_lower: u16,
-    /// Bit `i` is set where rotor `i` is at its upper limit.
+    /// Bit `i` is set if rotor `i` is at its upper limit.
     pub at_upper: u16,
     /// Steps of the search; 0 if no search was needed.
     pub iterations: u32,

@@ -1,15 +1,13 @@
-//! The attitude to fly where the rotors cannot give the lateral force that
-//! the wanted one needs: the least turn of the reference that brings the wanted
-//! force into what the vehicle can produce.
+//! The attitude of the vehicle if the rotors cannot produce the lateral force in the wanted attitude: the smallest
+//! rotation of the reference that brings the wanted force into the set of forces that the vehicle can produce.
 //!
 //! After Franchi, Carli, Bicego, Ryll, "Full-pose tracking control for aerial
 //! robotic systems with laterally bounded input force", T-RO 34(2), 2018, which
-//! takes the lateral forces from a given planar set; here they are the vehicle's
-//! own section (no torque, the force's own magnitude), whatever its shape, so
-//! that a vehicle with collinear rotors is the extreme case of one with few
-//! lateral forces. The turn moves as the rotors can turn the vehicle (see `turn`):
-//! the attitude, its rate and its acceleration are consistent and continuous. The
-//! turn is about the tool, which stays at its reference (see `about_tool`).
+//! The paper takes the lateral forces from a given planar set. Here they are the vehicle's own section (no torque, a
+//! given magnitude of the force), whatever its shape. A vehicle with collinear rotors is thus the extreme case of one
+//! with small lateral forces. The turn is only as fast as the rotors can turn the vehicle (see `turn`): the attitude,
+//! its rate and its acceleration are consistent and continuous. The turn is about the tool, which stays at its
+//! reference (see `about_tool`).
 
 mod about_tool;
 mod cuts;
@@ -29,13 +27,13 @@ use libm::atan2;
 use turn::TurnFilter;
 pub use turn::{TurnLimits, TurnState};
 
-/// Which attitude is wanted, and whether it yields.
+/// The wanted attitude, and whether the vehicle may turn from it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum AttitudeMode {
-    /// That of the reference; turned where the force needs it.
+    /// That of the reference; turned if the force needs it.
     #[default]
     Full,
-    /// Level with the reference's heading; turned where the force needs it.
+    /// Level with the reference's heading; turned if the force needs it.
     MinimalTilt,
     /// Level with the reference's heading, always: lateral force beyond reach is given up.
     ZeroTilt,
@@ -78,13 +76,13 @@ impl AttitudeMode {
 pub struct AttitudeParams {
     /// Which attitude is wanted.
     pub mode: AttitudeMode,
-    /// Part of each rotor's input range, at either end, that hovering leaves
-    /// for torques and disturbances; below 0.5.
+    /// Part of each rotor's input range, at either end, that a hover keeps free for torques and disturbances; below
+    /// 0.5.
     pub reserve: f64,
-    /// Largest turn for the sake of horizontal force, rad, counted from the attitude
-    /// nearest to the wanted one in which the vehicle hovers; force that needs more is given up.
+    /// Largest turn for horizontal force, rad, from the hover attitude that is nearest to the wanted attitude. Force
+    /// that needs a larger turn is given up.
     pub max_turn: f64,
-    /// Of the turn's filter, rad/s: small turns take about `2 / bandwidth`.
+    /// Bandwidth of the turn's filter, rad/s: small turns take about `2 / bandwidth`.
     pub bandwidth: f64,
 }
 
@@ -125,21 +123,21 @@ pub struct AttitudeSelector {
     params: AttitudeParams,
     section: ForceSection,
     weight: f64,
-    /// Least and largest upward force, N, that a turn is chosen for.
+    /// Smallest and largest upward force, N, for which a turn is chosen.
     vertical: (f64, f64),
     filter: TurnFilter,
     tool: Mounting,
     about_tool: AboutTool,
 }
 
-/// The turn now, and where the last searches ended.
+/// The present turn, and the results of the last searches.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct AttitudeState {
     /// The turn from the wanted to the chosen attitude.
     pub turn: TurnState,
     led: Led,
     search: AllocatorState,
-    /// Part of the horizontal force that was possible last, in steps.
+    /// Part of the horizontal force that was possible in the last call, in steps.
     part: u16,
 }
 
@@ -148,25 +146,24 @@ pub struct AttitudeState {
 pub struct Attitude {
     /// The reference with the chosen attitude.
     pub reference: Reference,
-    /// Angular acceleration, rad/s^2, to ask for beyond the reference's, since
-    /// the rotors follow with a lag.
+    /// Angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
     pub lead_r: Vector3,
-    /// The wanted force, N, world, less what no allowed turn makes possible.
+    /// The wanted force, N, world, without the part that no allowed turn makes possible.
     pub force_w: Vector3,
 }
 
-/// Rounds of cutting.
+/// Number of rounds of cutting.
 const ROUNDS: usize = 20;
-/// A force this part of its size away from the section is in it.
+/// A force counts as inside the section if its distance from it is this part of its size.
 const INSIDE: f64 = 1e-8;
 /// Steps of the horizontal force in search of the largest possible.
 const STEPS: u16 = 1 << 12;
-/// The vertical force that a turn is chosen for is at least this part of the weight, since in
-/// a fall, too, it must be known where up is; and this many times the least there is, so that
-/// less horizontal force never is the harder one.
+/// The vertical force for which a turn is chosen is at least this part of the weight, because the upward direction
+/// must be known in a fall too. It is also at least this many times the smallest possible one, so that less
+/// horizontal force is never harder to produce.
 const LEAST_VERTICAL: f64 = 0.2;
 const ABOVE_LEAST: f64 = 1.5;
-/// And at most this part of the largest: the rest is left to horizontal force.
+/// The vertical force is at most this part of the largest; the rest is left for horizontal force.
 const MOST_VERTICAL: f64 = 0.9;
 
 impl AttitudeSelector {
@@ -193,7 +190,7 @@ impl AttitudeSelector {
         Ok(Self::with_filter(vehicle, params, filter))
     }
 
-    /// The same for a vehicle whose model has been corrected; turns keep their limits.
+    /// A selector with the same parameters for a vehicle whose model has been corrected; turns keep their limits.
     #[must_use]
     pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
         Self::with_filter(vehicle, self.params, self.filter)
@@ -220,8 +217,8 @@ impl AttitudeSelector {
         &self.params
     }
 
-    /// The reference of the centre of mass for one of the tool: in the wanted attitude, at the place where the
-    /// present turn leads it, `dt` seconds after the last call.
+    /// The reference of the centre of mass for a reference of the tool: in the wanted attitude, at the position to
+    /// which the present turn leads it, `dt` seconds after the last call.
     #[must_use]
     pub fn reference(&self, state: &mut AttitudeState, tool_reference: &Setpoint, dt: f64) -> Reference {
         let full = admittance::centre_of_mass_reference(tool_reference, &self.tool);
@@ -261,8 +258,8 @@ impl AttitudeSelector {
         &self.filter.limits
     }
 
-    /// The turn to make, wanted body coordinates, and the force that it makes possible: all that is
-    /// wanted, or as much of the horizontal part as the largest turn allows.
+    /// The turn to make, wanted body coordinates, and the force that it makes possible: the whole wanted force, or as
+    /// much of the horizontal part as the largest turn allows.
     fn target(
         &self,
         state: &mut AttitudeState,
@@ -293,8 +290,8 @@ impl AttitudeSelector {
         (best, Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, force_w.z))
     }
 
-    /// The least rotation vector, wanted body coordinates, whose turn makes the
-    /// force possible; `None` if no turn does.
+    /// The smallest rotation vector, wanted body coordinates, whose turn makes the force possible; `None` if no turn
+    /// does.
     fn turn(
         &self,
         state: &mut AttitudeState,
@@ -311,19 +308,19 @@ impl AttitudeSelector {
             return Some(Vector3::zeros());
         }
         let possible = self.nearest_of_size(state, &force_r, rotors)?;
-        // Turns the possible direction onto the wanted one.
+        // Rotates the possible direction onto the wanted one.
         let axis = possible.cross(&force_r);
         let (sine, cosine) = (axis.norm(), possible.dot(&force_r));
         if sine > INSIDE * size * size {
             return Some(axis * (atan2(sine, cosine) / sine));
         }
-        // Right, or upside down: then about any axis across.
+        // Equal, or opposite: then about any axis across.
         let half_turn = Vector3::new(core::f64::consts::PI, 0.0, 0.0);
         Some(if cosine > 0.0 { Vector3::zeros() } else { half_turn })
     }
 
-    /// The possible force of the same size that is nearest to `force_r`, if there is one; by cutting
-    /// planes of the section, each before the last guess.
+    /// The possible force with the same magnitude that is nearest to `force_r`, if there is one. Found by cutting
+    /// planes of the section, each from the last guess.
     fn nearest_of_size(
         &self,
         state: &mut AttitudeState,
@@ -371,7 +368,7 @@ fn levelled(reference: &Reference) -> Reference {
     let x: Vector3 = r.column(0).into_owned();
     let x_rate = omega_w.cross(&x);
     let horizontal = x.x * x.x + x.y * x.y;
-    // Where x points up or down there is no heading to turn.
+    // If x points up or down there is no heading.
     let rate = if horizontal > 1e-6 { (x.x * x_rate.y - x.y * x_rate.x) / horizontal } else { 0.0 };
     let acceleration = r * reference.angular_acceleration_r;
     Reference {

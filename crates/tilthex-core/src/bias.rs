@@ -3,8 +3,8 @@
 
 use crate::types::{Matrix3, Wrench};
 
-/// Running mean of the observed wrench, in robot coordinates: what errors of
-/// mass, thrust and inertia leave turns with the vehicle.
+/// Running mean of the observed wrench, in robot coordinates: the wrench of errors of mass, thrust and inertia turns
+/// with the vehicle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BiasEstimator {
     mean_r: Wrench,
@@ -14,7 +14,7 @@ pub struct BiasEstimator {
 }
 
 impl BiasEstimator {
-    /// Takes in an estimate (force W, torque R) that held for `dt` seconds.
+    /// Adds an estimate (force W, torque R) that was constant for `dt` seconds.
     pub fn add(&mut self, wrench: &Wrench, rotation_wr: &Matrix3, dt: f64) {
         if !(wrench.is_finite() && dt > 0.0) {
             return;
@@ -30,14 +30,14 @@ impl BiasEstimator {
         self.squares.1 += kept * torque.norm_squared();
     }
 
-    /// Deviations of force, N, and torque, N m, from their means.
+    /// Standard deviations of force, N, and torque, N m, from their means.
     #[must_use]
     pub fn spread(&self) -> (f64, f64) {
         let time = self.time.max(1e-9);
         (libm::sqrt(self.squares.0 / time), libm::sqrt(self.squares.1 / time))
     }
 
-    /// The mean so far (force and torque in R), and the seconds it was taken over.
+    /// The mean up to now (force and torque in R), and its duration, s.
     #[must_use]
     pub fn mean(&self) -> (Wrench, f64) {
         (self.mean_r, self.time)

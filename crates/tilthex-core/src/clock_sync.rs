@@ -12,7 +12,7 @@
 
 use crate::error::{Error, check_range};
 
-/// What is known of a remote clock and its line.
+/// Parameters of a remote clock and its line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockParams {
     /// Largest relative drift between the clocks.
@@ -31,7 +31,7 @@ impl Default for ClockParams {
     }
 }
 
-/// What a stamp did to the clock.
+/// The effect of a stamp on the clock.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ClockEvent {
     /// The first one: taken as it is.
@@ -62,7 +62,7 @@ struct Anchor {
     offset: f64,
     /// The last difference seen.
     seen: f64,
-    /// Whether it rests on one stamp alone.
+    /// Whether the offset depends on a single stamp.
     alone: bool,
     /// Arrival of the first of the suspect stamps, while they last.
     suspect_since: Option<f64>,
@@ -93,11 +93,10 @@ pub struct ClockSync {
 }
 
 impl ClockSync {
-    /// A clock of which nothing was heard yet.
+    /// A clock that has received no stamp.
     ///
     /// # Errors
-    /// When the drift is not within 0 to 0.1, the jump not within 10 us to
-    /// 10 s, or the patience not within 0 to 60 s.
+    /// If the drift is not within 0 to 0.1, the jump not within 10 us to 10 s, or the patience not within 0 to 60 s.
     pub fn new(params: ClockParams) -> Result<Self, Error> {
         check_range("clock drift", params.drift, 0.0, 0.1)?;
         check_range("clock jump (s)", params.jump, 1e-5, 10.0)?;

@@ -1,22 +1,21 @@
 //! Wind or contact: which part of an observed wrench may move the tool.
 //!
-//! Two things explain what the observer reports. Wind gives the drag of the airspeed
-//! `v - W`, whose torque about the tool is that of a force at the rotors and the airframe;
-//! and W changes slowly. A touch gives a force at the tool, with little torque about it,
-//! and comes at once. The wind W is estimated by a Kalman filter, a random walk observed
-//! through the drag of the model, while nothing is touched. Beside it runs the logarithm of
-//! the odds of contact: that of the ratio of the likelihoods of the innovation
+//! Two causes explain the observed wrench. Wind causes the drag of the airspeed `v - W`, whose torque about the tool
+//! is that of a force at the rotors and the airframe; W changes slowly. A touch causes a force at the tool, with
+//! little torque about it, and begins suddenly. A Kalman filter estimates the wind W, a random walk that is observed
+//! through the drag of the model, while nothing touches the tool. At the same time the log-odds of contact are
+//! computed: the logarithm of the ratio of the likelihoods of the innovation
 //!
 //! ```text
 //! n = what_E - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
 //! ```
 //!
-//! where J is the derivative of the drag by W, P the covariance of W, R that of what the
-//! observer reports where nothing acts, and C that of touches. It is summed over independent
-//! samples, one in `2 / L` for an observer of rate L, and bounded, so that it forgets. After Tomic, Lutz,
-//! Schmid, Mathers, Haddadin, arXiv 1810.12908, who tell the two apart by a model of drag as well.
+//! where J is the derivative of the drag by W, P the covariance of W, R the covariance of the observed wrench without
+//! wind and contact, and C that of touches. The ratio is summed over independent samples, one in `2 / L` for an
+//! observer of rate L, and bounded, so that it forgets. The method follows Tomic, Lutz, Schmid, Mathers, Haddadin,
+//! arXiv 1810.12908, who also distinguish wind and contact by a model of drag.
 //!
-//! What is contact moves the admittance filter; all of it, wind included, is compensated.
+//! Only the contact moves the admittance filter; the whole observed wrench, with the wind, is compensated.
 
 use crate::{
     Error, Vehicle,
@@ -27,9 +26,9 @@ use crate::{
 };
 use libm::{exp, log};
 
-/// Bounds of the log-odds of contact: how soon it is believed after the opposite.
+/// Bounds of the log-odds of contact. They determine how soon the log-odds can change their sign.
 const BOUND: f64 = 4.0;
-/// Log-odds from which, and up to which, contact moves the filter by a growing part.
+/// The part of the contact that moves the filter grows between these log-odds.
 const RAMP: (f64, f64) = (0.0, 2.0);
 /// The wind is learnt while the log-odds of contact are below this.
 const LEARNS: f64 = -1.0;
@@ -49,7 +48,7 @@ pub struct ContactParams {
     pub air_density: f64,
     /// Standard deviation of each component of the wind, m/s, and the time in which it changes by as much, s.
     pub wind: (f64, f64),
-    /// Standard deviations of what is observed without wind and contact, N and N m, about the tool.
+    /// Standard deviations of the wrench that is observed without wind and contact, N and N m, about the tool.
     pub noise: (f64, f64),
     /// Sizes of touches, N and N m, about the tool.
     pub touch: (f64, f64),
@@ -96,7 +95,7 @@ impl ContactParams {
         Ok(self)
     }
 
-    /// Tells the part of an observed wrench that is contact, `dt` seconds after the last.
+    /// Separates the contact from an observed wrench, `dt` seconds after the last one.
     pub fn step(&self, state: &mut ContactState, seen: &Seen<'_>, dt: f64) -> Contact {
         if !self.discrimination {
             return Contact {
@@ -116,7 +115,7 @@ impl ContactParams {
         let largest = deviation * deviation;
         let covariance = state.covariance.unwrap_or(Matrix3::from_diagonal_element(largest));
         let grown = covariance + Matrix3::from_diagonal_element(largest * dt / time);
-        // No less is known than at the begin.
+        // The covariance never exceeds that of the begin.
         let covariance = if grown.trace() > 3.0 * largest { covariance } else { grown };
         let free = Fit::of(&innovation, &slope, &covariance, noise);
         let contact = Fit::of(&innovation, &slope, &covariance, touched);
@@ -172,7 +171,7 @@ impl ContactParams {
     }
 }
 
-/// What an observed wrench is seen with.
+/// The inputs of the discrimination.
 #[derive(Clone, Copy, Debug)]
 pub struct Seen<'a> {
     /// The vehicle.
@@ -185,11 +184,11 @@ pub struct Seen<'a> {
     pub wrench_tool_w: &'a Wrench,
 }
 
-/// What is believed of wind and contact.
+/// The state of wind and contact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactState {
     wind_w: Vector3,
-    /// (m/s)^2, once there is one.
+    /// Covariance of the wind, (m/s)^2, once there is one.
     covariance: Option<Matrix3>,
     log_odds: f64,
 }
@@ -200,16 +199,16 @@ impl Default for ContactState {
     }
 }
 
-/// What an observed wrench is.
+/// The parts of an observed wrench.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
     /// Estimated velocity of the air, m/s, world.
     pub wind_w: Vector3,
     /// Log-odds of contact, -4 to 4.
     pub log_odds: f64,
-    /// Drag of the airspeed as a wrench about the tool, world: no contact.
+    /// Drag of the airspeed as a wrench about the tool, world; it is not contact.
     pub drag_tool_w: Wrench,
-    /// Which part of the rest moves the admittance filter: 0 to 1.
+    /// The part of the rest that moves the admittance filter: 0 to 1.
     pub part: f64,
 }
 
@@ -221,12 +220,12 @@ impl Contact {
     }
 }
 
-/// An innovation beside wind of a covariance P and noise of a diagonal covariance D, by the lemma of Woodbury:
-/// `S^-1 = D^-1 - D^-1 J Q J' D^-1`, `Q = (P^-1 + J' D^-1 J)^-1`.
+/// An innovation with a wind of covariance P and a noise of diagonal covariance D, by the Woodbury identity: `S^-1 =
+/// D^-1 - D^-1 J Q J' D^-1`, `Q = (P^-1 + J' D^-1 J)^-1`.
 struct Fit {
-    /// But for what does not depend on D.
+    /// Without the terms that do not depend on D.
     log_likelihood: f64,
-    /// Of the wind, m/s.
+    /// Correction of the wind, m/s.
     correction: Vector3,
     covariance: Matrix3,
 }

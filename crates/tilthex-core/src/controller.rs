@@ -21,16 +21,17 @@ use crate::{
 };
 pub use signals::{ControllerInput, ControllerOutput, ControllerState};
 
-/// What errors of the model explain of an observed wrench, and a little more: a part of the weight; and of torques, which
-/// keep the attitude beside a push that upsets it, a part of the weight
-/// at the farthest rotor's distance.
+/// Limits of the wrench that errors of the model can explain, with a margin: the first is a part of the weight for
+/// forces; the second is a part of the weight at the farthest rotor's distance for torques, which keep the attitude
+/// during a push.
 const MODEL_ERROR: (f64, f64) = (0.2, 0.3);
-/// Errors of the model last: so fast the force that an unyielding flight compensates follows what is observed, 1/s.
+/// Errors of the model are constant: rate with which the force that an unyielding flight compensates follows the
+/// observed force, 1/s.
 const MODEL_ERROR_RATE: f64 = 3.0;
-/// The largest bias that is learnt, and how far it may deviate while it is: as above.
+/// The largest bias that is learnt, and the largest deviation from it meanwhile: parts as in `MODEL_ERROR`.
 const LARGEST_BIAS: (f64, f64) = (0.35, 0.2);
 const BIAS_SPREAD: (f64, f64) = (0.06, 0.06);
-/// Torque about every axis by the weight, m, without which a hover does not last.
+/// Torque about every axis divided by the weight, m, without which a hover is not possible.
 const LEAST_TORQUE: f64 = 1e-2;
 
 /// Parameters of every block of the controller.
@@ -48,16 +49,16 @@ pub struct ControllerParams {
     pub torque_dead_zone: f64,
     /// Cut-off of the low-pass before the dead zone, Hz; 0 for none.
     pub low_pass_hz: f64,
-    /// Largest torque about the tool's axis that turns the reference to where the rotors have
-    /// more room, N m; 0 for none.
+    /// Largest torque about the tool's axis that turns the reference towards attitudes in which the rotors have more
+    /// room, N m; 0 for none.
     pub room_torque: f64,
     /// How wind and contact are distinguished.
     pub contact: ContactParams,
-    /// How a wrench set-point moves the tool where nothing resists it.
+    /// Limits of the motion by a wrench set-point if nothing resists the tool.
     pub free_wrench: FreeWrenchParams,
-    /// What is given up first where the rotors' limits do not let all be had.
+    /// The order in which parts of the wrench are given up at the rotors' limits.
     pub allocation: AllocatorParams,
-    /// Which attitude is flown where lateral force does not suffice.
+    /// The attitude of the vehicle if the lateral force does not suffice.
     pub attitude: AttitudeParams,
 }
 
@@ -69,9 +70,9 @@ pub struct Controller {
     observer: WrenchObserver,
     low_pass: LowPass,
     admittance: AdmittanceFilter,
-    /// Brings an unyielding reference back to the set-point.
+    /// Moves an unyielding reference back to the set-point.
     firm: AdmittanceFilter,
-    /// Force, N, and torque, N m, beyond the bias that an unyielding flight compensates at most.
+    /// Largest force, N, and torque, N m, beyond the bias that an unyielding flight compensates.
     model_error: (f64, f64),
     /// Force and torque that count as the weight.
     scale: (f64, f64),
@@ -122,7 +123,7 @@ impl Controller {
         &self.params
     }
 
-    /// Uses another admittance filter from now on; the reference stays where it is.
+    /// Uses another admittance filter from now on. The reference does not jump.
     pub fn set_admittance(&mut self, filter: AdmittanceFilter) {
         self.params.admittance = *filter.params();
         self.firm = self.firm.reaching(filter.params());
@@ -142,13 +143,14 @@ impl Controller {
         }
     }
 
-    /// Prepares for ticks of about `period` seconds, if it is not: others take longer.
+    /// Prepares for ticks of about `period` seconds, if it is not prepared for them. A tick with another period takes
+    /// longer.
     pub fn prepare(&mut self, period: f64) {
         self.admittance.prepare(period);
     }
 
-    /// Whether the vehicle can hover level and at rest without some rotors, and turn any way from
-    /// there: bit `i` of `lost` is rotor `i`.
+    /// Whether the vehicle can hover level and at rest without some rotors, and turn in every direction from there:
+    /// bit `i` of `lost` is rotor `i`.
     #[must_use]
     pub fn hovers_without(&self, lost: u16) -> bool {
         let weight = self.vehicle.weight();
@@ -157,7 +159,7 @@ impl Controller {
             let wrench = Wrench { force: Vector3::new(0.0, 0.0, weight), torque }.to_vector();
             let found =
                 self.allocator.step(&mut AllocatorState::default(), &wrench, &Matrix3::identity(), &rotors);
-            // Lateral force is a matter of attitude.
+            // The attitude can replace lateral force.
             let [roll_pitch, vertical, yaw, _lateral] = found.shortfall;
             roll_pitch.max(vertical).max(yaw) < 1e-4 * weight
         };
@@ -173,15 +175,15 @@ impl Controller {
         self.scale.1
     }
 
-    /// Whether a wrench, of which only the size counts, is small enough to learn a bias beside it.
+    /// Whether the norm of a wrench is so small that a bias can be learnt meanwhile.
     #[must_use]
     pub fn is_small(&self, wrench: &Wrench) -> bool {
         wrench.force.norm() < BIAS_SPREAD.0 * self.scale.0
             && wrench.torque.norm() < BIAS_SPREAD.1 * self.scale.1
     }
 
-    /// Whether what is being learnt can be a bias: neither larger than errors of the model make it, nor unsteady, as
-    /// contact is.
+    /// Whether the learnt wrench can be a bias: it is not larger than errors of the model explain, and not as
+    /// unsteady as contact.
     #[must_use]
     pub fn can_be_bias(&self, estimator: &BiasEstimator) -> bool {
         let (mean, _) = estimator.mean();
@@ -259,7 +261,7 @@ impl Controller {
         let mut pose = self.pose.translation(robot, &unturned);
         let mut force_w = self.wanted_force(&pose, &compensated);
         if let Some([least, most]) = input.unyielding {
-            // Less of it all rather than another direction.
+            // Reduces the whole force, and keeps its direction.
             if force_w.z > most {
                 force_w *= most.max(0.0) / force_w.z;
             }
@@ -296,7 +298,8 @@ impl Controller {
         }
     }
 
-    /// The part of an observed wrench that errors of the model explain: the bias, and as much of the contact as such errors can be.
+    /// The part of an observed wrench that errors of the model explain: the bias, and the part of the contact that
+    /// such errors can cause.
     fn explained(&self, observed: &Wrench, contact: &Wrench, lasting_force_w: &Vector3) -> Wrench {
         let (force, torque) = self.model_error;
         let excess = |v: Vector3, limit: f64| v * (1.0 - limit / v.norm().max(limit));
@@ -315,7 +318,7 @@ impl Controller {
         self.vehicle.mass() * (pose.acceleration_w + Vector3::new(0.0, 0.0, GRAVITY)) - observed.force
     }
 
-    /// The same of the torque, N m, robot.
+    /// The wanted torque with the external torque compensated, N m, robot.
     fn wanted_torque(&self, robot: &RobotState, pose: &PoseCommand, observed: &Wrench) -> Vector3 {
         let inertia = self.vehicle.inertia();
         let omega = robot.angular_velocity_r;

@@ -1,5 +1,4 @@
-//! What can be wrong with parameters. Hot paths never fail; constructors do,
-//! once, with one sentence: what, found, expected.
+//! Errors of parameters. Step functions never fail. Constructors fail once, with one sentence: what, found, expected.
 
 use core::fmt;
 

@@ -1,5 +1,5 @@
-//! What stands between the observer and the admittance filter: a low-pass and
-//! a dead zone ("Practical Implementation" in the paper; docs/laws.md).
+//! The low-pass and the dead zone between the observer and the admittance filter ("Practical Implementation" in the
+//! paper; docs/laws.md).
 
 use crate::{
     Error,
@@ -33,16 +33,16 @@ pub struct LowPassState {
 }
 
 impl LowPass {
-    /// With a cut-off frequency in Hz; zero lets everything pass unchanged.
+    /// A low-pass with a cut-off frequency in Hz. With zero the output is the input.
     ///
     /// # Errors
-    /// Where the cut-off is negative or not finite.
+    /// If the cut-off is negative or not finite.
     pub fn new(cut_off_hz: f64) -> Result<Self, Error> {
         check_range("low_pass_hz", cut_off_hz, 0.0, 1e6)?;
         Ok(Self { rate: TAU * cut_off_hz })
     }
 
-    /// Filters one sample that held over the last `dt` seconds.
+    /// Filters one sample that was constant over the last `dt` seconds.
     pub fn step(&self, state: &mut LowPassState, input: &Vector6, dt: f64) -> Vector6 {
         if self.rate == 0.0 {
             state.output = *input;

@@ -1,9 +1,8 @@
 //! The control system of a flying end-effector: a fully actuated multirotor
 //! that commands its full 6-D pose and the full 6-D wrench of its tool.
 //!
-//! `no_std`, no allocation, no unsafe. One module a block, named as in
-//! Ryll et al., "6D interaction control with aerial robots: the flying
-//! end-effector paradigm", IJRR 38(9), 2019 ("the paper"; its equation numbers
+//! `no_std`, no allocation, no unsafe. Each block has one module, with the name of Ryll et al., "6D interaction
+//! control with aerial robots: the flying end-effector paradigm", IJRR 38(9), 2019 ("the paper"; its equation numbers
 //! are cited as "(n)"), in the order of its figure 5.
 //!
 //! # Conventions
@@ -12,8 +11,8 @@
 //! `_e` tool, `_i` IMU. `rotation_wr` maps robot coordinates to world
 //! coordinates. External wrenches are exerted by the environment on the robot.
 //!
-//! A block is `Params` (validated once) + `State` (what moves) +
-//! `step(&self, &mut State, input, dt) -> Output`.
+//! A block is `Params` (validated once) + `State` (what changes in flight) + `step(&self, &mut State, input, dt) ->
+//! Output`.
 #![no_std]
 #![forbid(unsafe_code)]
 

@@ -44,7 +44,7 @@ pub struct PoseController {
     gains: PoseGains,
 }
 
-/// The wanted accelerations, and the errors they answer.
+/// The wanted accelerations, and the errors from which they follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PoseCommand {
     /// v_p, m/s^2, world; (14).
@@ -113,7 +113,7 @@ impl PoseController {
         }
     }
 
-    /// Adds the other half.
+    /// Adds the half that depends on attitudes.
     pub fn rotation(&self, command: &mut PoseCommand, state: &RobotState, reference: &Reference) {
         let g = &self.gains;
         // Maps reference body coordinates to body coordinates: R^T R_r.

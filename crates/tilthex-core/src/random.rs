@@ -12,7 +12,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// A stream of its own for every seed.
+    /// A generator; each seed gives other numbers.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self { state: seed, spare: None }

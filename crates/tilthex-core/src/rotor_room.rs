@@ -1,11 +1,10 @@
-//! Turning about the tool's axis to where the rotors have more room.
+//! Rotates the reference about the tool's axis towards attitudes in which the rotors have more room.
 //!
-//! A tilted hover brings some rotors near their limits, and how near depends on the
-//! axis of the tilt in the vehicle: the Tilt-Hex reaches 18 deg about one and 32 deg
-//! about another. A tool that may turn about its own axis can choose. The room is the
-//! smallest distance of any rotor's input from its limits in a hover, in parts of the
-//! rotor's range. A torque towards more of it is added to what drives the admittance
-//! filter: bounded, so that with the damping it bounds the rate of the turn.
+//! In a tilted hover some rotors are near their limits. How near depends on the axis of the tilt in the vehicle: the
+//! Tilt-Hex reaches 18 deg about one axis and 33 deg about another. A tool that may rotate about its own axis can
+//! choose. The room is the smallest distance of any rotor's input from its limits in a hover, as a part of the
+//! rotor's range. A torque towards more room is added to the input of the admittance filter. The torque is bounded,
+//! so that together with the damping it bounds the rate of the rotation.
 
 use crate::{
     Error, Vehicle,
@@ -15,15 +14,15 @@ use crate::{
 };
 use nalgebra::SMatrix;
 
-/// Sharpness of the smooth least: rooms that differ by more than its inverse are told apart.
+/// Sharpness of the smooth minimum: rooms that differ by more than its inverse are distinguished.
 const SHARPNESS: f64 = 60.0;
-/// Gain of room by turning, 1/rad, at which the torque is 0.7 of its largest.
+/// Increase of the room with the rotation, 1/rad, at which the torque is 0.7 of its largest.
 const KNEE: f64 = 0.01;
 
 /// The torque towards more room, for one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RotorRoom {
-    /// N m.
+    /// Largest torque, N m.
     largest: f64,
     /// Rooms above the lower limits of a hover whose upward direction is e (robot): `slope * e + offset`.
     slope: SMatrix<f64, MAX_ROTORS, 3>,
@@ -35,7 +34,7 @@ impl RotorRoom {
     /// With the largest torque, N m.
     ///
     /// # Errors
-    /// A torque out of range, or a vehicle that cannot hover tilted.
+    /// If the torque is out of range, or the vehicle cannot hover tilted.
     pub fn new(vehicle: &Vehicle, largest: f64) -> Result<Self, Error> {
         check_range("room_torque", largest, 0.0, 1000.0)?;
         if largest > 0.0 && vehicle.actuation() != Actuation::Pose {
@@ -66,10 +65,10 @@ impl RotorRoom {
         Self { largest, slope, offset, count: vehicle.rotor_count() }
     }
 
-    /// The room in a hover, parts of a rotor's range, and its derivative by a turn about `axis_w`, 1/rad.
+    /// The room in a hover, as a part of a rotor's range, and its derivative by a rotation about `axis_w`, 1/rad.
     ///
-    /// The least of all rotors' distances from both limits, made smooth: at most
-    /// `ln(2 n) / 60` below it.
+    /// It is a smooth minimum of all rotors' distances from both limits, at most `ln(2 n) / 60` below the true
+    /// minimum.
     #[must_use]
     pub fn room(&self, rotation_wr: &Matrix3, axis_w: &Vector3) -> (f64, f64) {
         let up_r = rotation_wr.transpose() * Vector3::z();

@@ -26,8 +26,8 @@ pub fn hat(a: &Vector3) -> Matrix3 {
     Matrix3::new(0.0, -a.z, a.y, a.z, 0.0, -a.x, -a.y, a.x, 0.0)
 }
 
-/// Inverse of [`hat`]; of a matrix that is not skew, that of its skew part:
-/// `1/2 vee(A - A^T)` of the paper's (15) and (28) is `vee(A)` here.
+/// Inverse of [`hat`]. For a matrix that is not skew-symmetric, the inverse for its skew-symmetric part: `1/2 vee(A -
+/// A^T)` of the paper's (15) and (28) is `vee(A)` here.
 #[must_use]
 pub fn vee(m: &Matrix3) -> Vector3 {
     0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)])
@@ -136,9 +136,8 @@ pub fn left_jacobian_inverse(v: &Vector3) -> Matrix3 {
     Matrix3::identity() - 0.5 * h + c * h * h
 }
 
-/// The rotation nearest to `m` (Frobenius norm), for `m` near a rotation:
-/// Newton's iteration for the polar factor. None where it does not converge
-/// (`m` is singular, not finite, or reflects).
+/// The rotation nearest to `m` (Frobenius norm), for `m` near a rotation: Newton's iteration for the polar factor.
+/// None if it does not converge (`m` is singular, not finite, or reflects).
 #[must_use]
 pub fn project(m: &Matrix3) -> Option<Matrix3> {
     let mut r = *m;
@@ -154,7 +153,7 @@ pub fn project(m: &Matrix3) -> Option<Matrix3> {
     rotation.then_some(r)
 }
 
-/// Largest entry of `R^T R - I`, or `|det R - 1|` where that is larger. NaN if `r` holds one.
+/// Largest entry of `R^T R - I`, or `|det R - 1|` if that is larger. NaN if `r` holds a NaN.
 #[must_use]
 pub fn rotation_defect(r: &Matrix3) -> f64 {
     let skewness = (r.transpose() * r - Matrix3::identity())
@@ -164,14 +163,15 @@ pub fn rotation_defect(r: &Matrix3) -> f64 {
     if skewness >= det { skewness } else { det }
 }
 
-/// Largest [`rotation_defect`] of a matrix that is meant as a rotation: of single precision, or rounded in a table.
+/// Largest [`rotation_defect`] of a matrix that is meant to be a rotation: in single precision, or rounded in a
+/// table.
 pub const NEAR_ROTATION: f64 = 1e-3;
 
-/// A near-rotation made one; the others are handed back as they are.
+/// The nearest rotation of a near-rotation; other matrices are returned unchanged.
 #[must_use]
 pub fn straightened(r: &Matrix3) -> Matrix3 {
     let defect = rotation_defect(r);
-    // A NaN is not near.
+    // A NaN is not near a rotation.
     let near = defect > 1e-9 && defect <= NEAR_ROTATION;
     // Newton's steps to the polar factor without an inverse: each squares the defect.
     let steps = if near { 3 } else { 0 };

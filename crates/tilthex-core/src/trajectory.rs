@@ -1,5 +1,5 @@
-//! 6-D way-points joined by quintics from rest to rest, within limits on
-//! velocity and acceleration.
+//! Way-points in six dimensions, joined by quintic polynomials that begin and end at rest, within limits on velocity
+//! and acceleration.
 
 use crate::{
     Error,
@@ -8,38 +8,38 @@ use crate::{
     types::{Matrix3, Setpoint, Vector3, Wrench},
 };
 
-/// Most way-points of a trajectory.
+/// Largest number of way-points of a trajectory.
 pub const MAX_WAYPOINTS: usize = 64;
 
 /// Peak rate and peak second rate of `10 s^3 - 15 s^4 + 6 s^5` over one unit of time.
 const PEAK_VELOCITY: f64 = 1.875;
 const PEAK_ACCELERATION: f64 = 5.773_502_691_896_258;
 
-/// A pose of the tool on the way, reached and left at rest.
+/// A pose of the tool that is reached and left at rest.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waypoint {
     /// Position of the tool tip, m, world.
     pub position_w: Vector3,
     /// Orientation of the tool: maps E to W.
     pub rotation_we: Matrix3,
-    /// Wrench the tool shall exert here (world, at the tip); blended on the way.
+    /// Wrench that the tool shall exert here (world, at the tip); blended between way-points.
     pub wrench_w: Wrench,
-    /// Shortest time of the way here, s; the limits may make it longer.
+    /// Shortest time of the motion to this way-point, s; the limits may make it longer.
     pub duration: f64,
     /// Time to stay here, s.
     pub hold: f64,
 }
 
-/// Largest rates on the way.
+/// Largest rates between way-points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// m/s.
+    /// Velocity, m/s.
     pub velocity: f64,
-    /// m/s^2.
+    /// Acceleration, m/s^2.
     pub acceleration: f64,
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub angular_velocity: f64,
-    /// rad/s^2.
+    /// Angular acceleration, rad/s^2.
     pub angular_acceleration: f64,
 }
 
@@ -81,11 +81,11 @@ struct Leg {
 }
 
 impl Trajectory {
-    /// From `start` (whose own duration is ignored, its hold kept) through the way-points.
+    /// A trajectory from `start` (whose own duration is ignored, its hold kept) through the way-points.
     ///
     /// # Errors
-    /// Too many way-points; a number that is not finite or a limit that is not
-    /// positive; a matrix that is not a rotation.
+    /// Too many way-points; a number that is not finite or a limit that is not positive; a matrix that is not a
+    /// rotation.
     pub fn new(start: Waypoint, waypoints: &[Waypoint], limits: &Limits) -> Result<Self, Error> {
         if waypoints.len() > MAX_WAYPOINTS {
             let (name, found) = ("way-points", waypoints.len());
@@ -114,7 +114,7 @@ impl Trajectory {
         Ok(Self { start, legs, count: waypoints.len() })
     }
 
-    /// Stays at one tool pose for ever.
+    /// A trajectory that stays at one tool pose.
     #[must_use]
     pub fn hold(position_w: Vector3, rotation_we: Matrix3) -> Self {
         let (wrench_w, turn_e) = (Wrench::ZERO, Vector3::zeros());
@@ -123,13 +123,13 @@ impl Trajectory {
         Self { start, legs: [blank; MAX_WAYPOINTS], count: 0 }
     }
 
-    /// Where it begins.
+    /// The first way-point.
     #[must_use]
     pub fn start(&self) -> &Waypoint {
         &self.start
     }
 
-    /// Its way-points after the start, each with the duration of the way there.
+    /// The way-points after the start, each with the duration of the motion to it.
     pub fn waypoints(&self) -> impl Iterator<Item = Waypoint> + '_ {
         self.legs().iter().map(|leg| Waypoint { duration: leg.duration, ..leg.to })
     }
@@ -138,7 +138,7 @@ impl Trajectory {
         self.legs.get(..self.count).unwrap_or(&[])
     }
 
-    /// Time of its end, the last hold included, s.
+    /// Time of the end, with the last hold, s.
     #[must_use]
     pub fn duration(&self) -> f64 {
         match self.legs().last() {
@@ -147,12 +147,13 @@ impl Trajectory {
         }
     }
 
-    /// Times at which the ways begin, s.
+    /// Times at which the motions between way-points begin, s.
     pub fn begins(&self) -> impl Iterator<Item = f64> + '_ {
         self.legs[..self.count].iter().map(|leg| leg.begins)
     }
 
-    /// The set-point at `time` seconds from its start; its ends are held.
+    /// The set-point at `time` seconds from the start. Before the start it is the first one, after the end the last
+    /// one.
     #[must_use]
     pub fn sample(&self, time: f64) -> Setpoint {
         let Some(leg) = self.legs().iter().rev().find(|leg| time >= leg.begins) else {
@@ -167,7 +168,7 @@ impl Trajectory {
         let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / t;
         let second_rate = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (t * t);
         let way = leg.to.position_w - leg.from.position_w;
-        // The axis of the turn is the same in the frames of start, way and end.
+        // The axis of the rotation is the same in the frames of start, motion and end.
         let turn_w = leg.from.rotation_we * leg.turn_e;
         let blend = |a: &Vector3, b: &Vector3| a + (b - a) * part;
         Setpoint {
@@ -189,7 +190,7 @@ fn at_rest(waypoint: &Waypoint) -> Setpoint {
     Setpoint { wrench_w: waypoint.wrench_w, ..Setpoint::hold(waypoint.position_w, waypoint.rotation_we) }
 }
 
-/// Shortest rest-to-rest time of a quintic over `way` within both limits.
+/// Shortest rest-to-rest time of a quintic polynomial over a distance within both limits.
 fn shortest(way: f64, velocity: f64, acceleration: f64) -> f64 {
     (PEAK_VELOCITY * way / velocity).max(libm::sqrt(PEAK_ACCELERATION * way / acceleration))
 }

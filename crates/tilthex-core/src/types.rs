@@ -1,6 +1,6 @@
 //! The quantities that pass between blocks, each with its frame and unit.
 
-/// Most rotors a vehicle can have. Rotor vectors are zero past the vehicle's own count.
+/// Largest number of rotors. The entries of rotor vectors after the vehicle's own count are zero.
 pub const MAX_ROTORS: usize = 12;
 
 /// A time of the host's monotonic clock, ns.
@@ -13,7 +13,7 @@ pub type Matrix3 = nalgebra::Matrix3<f64>;
 pub type Vector6 = nalgebra::Vector6<f64>;
 /// A 6x6 matrix of `f64`.
 pub type Matrix6 = nalgebra::Matrix6<f64>;
-/// One number a rotor: speeds in Hz, or inputs `u = w |w|` in Hz^2.
+/// One number for each rotor: speeds in Hz, or inputs `u = w |w|` in Hz^2.
 pub type RotorVector = nalgebra::SVector<f64, MAX_ROTORS>;
 
 /// A force, N, and a torque, N m. The frame and the point of the torque are
@@ -78,7 +78,7 @@ pub struct RobotState {
 }
 
 impl RobotState {
-    /// At rest at a place, level.
+    /// At rest at a position, level.
     #[must_use]
     pub fn at_rest(position_w: Vector3) -> Self {
         Self {
@@ -99,9 +99,8 @@ impl RobotState {
     }
 }
 
-/// The commanded set-point of the tool: the desired pose, twist and acceleration of
-/// the tool frame (all linear and angular rates in world coordinates), and the
-/// wrench it shall exert on the environment.
+/// The commanded set-point of the tool: the desired pose, twist and acceleration of the tool frame (all linear and
+/// angular rates in world coordinates), and the wrench that the tool shall exert on the environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
     /// Position of the tool tip, m, world.
@@ -198,7 +197,7 @@ pub struct PoseSample {
     pub position_w: Vector3,
     /// Orientation of the captured body: maps its coordinates to world coordinates.
     pub rotation_wr: Matrix3,
-    /// Whether the capture system vouches for it.
+    /// Whether the capture system marks it as valid.
     pub tracking_valid: bool,
 }
 

@@ -19,7 +19,7 @@ pub type Allocation = SMatrix<f64, 6, MAX_ROTORS>;
 /// Maps a body wrench to rotor inputs; zero rows past the rotor count.
 pub type AllocationInverse = SMatrix<f64, MAX_ROTORS, 6>;
 
-/// Where something is rigidly fixed to the robot.
+/// A pose that is fixed on the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mounting {
     /// Its origin from the centre of mass, m, robot coordinates.
@@ -34,8 +34,8 @@ impl Default for Mounting {
     }
 }
 
-/// What a vehicle can track independently: torques are always three, so the
-/// rank of the allocation matrix says in how many directions it has force.
+/// What a vehicle can track independently. Every vehicle has three torques, so that the rank of the allocation matrix
+/// says in how many directions it has force.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Actuation {
     /// Rank 6: position and orientation.
@@ -47,7 +47,7 @@ pub enum Actuation {
 }
 
 impl Actuation {
-    /// What can be tracked, in words.
+    /// The name of what can be tracked.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -150,7 +150,7 @@ impl Vehicle {
     /// The same vehicle with another tool.
     ///
     /// # Errors
-    /// Where the mounting holds no finite position or no rotation.
+    /// If the position of the mounting is not finite, or its orientation is not a rotation.
     pub fn with_tool(mut self, tool: Mounting) -> Result<Self, Error> {
         check_mounting("tool_position", "tool_rotation", &tool)?;
         self.tool = tool;
@@ -199,13 +199,13 @@ impl Vehicle {
         self.rotor_time_constant
     }
 
-    /// Where the tool is (p_E^R, R_E^R).
+    /// Mounting of the tool (p_E^R, R_E^R).
     #[must_use]
     pub fn tool(&self) -> &Mounting {
         &self.tool
     }
 
-    /// Where the IMU is (p_I^R, R_I^R).
+    /// Mounting of the IMU (p_I^R, R_I^R).
     #[must_use]
     pub fn imu(&self) -> &Mounting {
         &self.imu
@@ -239,7 +239,7 @@ impl Vehicle {
         }
     }
 
-    /// Condition number of `A`: largest by smallest non-zero singular value.
+    /// Condition number of `A`: largest divided by smallest non-zero singular value.
     #[must_use]
     pub fn condition(&self) -> f64 {
         self.condition
@@ -305,12 +305,12 @@ fn pseudo_inverse(a: &Allocation) -> (usize, f64, AllocationInverse) {
     let rank = svd.singular_values.iter().filter(|s| **s > floor).count();
     let smallest = svd.singular_values.iter().filter(|s| **s > floor).fold(largest, |m, s| m.min(*s));
     let inverse = svd.pseudo_inverse(floor).unwrap_or_else(|_| AllocationInverse::zeros());
-    // A step of Newton's iteration takes the decomposition's rounding out.
+    // A step of Newton's iteration removes the rounding errors of the decomposition.
     let inverse = inverse * 2.0 - inverse * (a * inverse);
     (rank, largest / smallest, inverse)
 }
 
-/// A rotor, from 1, whose absence leaves the rank as it is.
+/// A rotor, from 1, without which the rank does not change.
 fn redundant_rotor(a: &Allocation, count: usize, rank: usize) -> usize {
     let without = |i: usize| {
         let mut b = *a;

@@ -1,11 +1,10 @@
 //! The wrench observer: force from the accelerometer, torque from the angular
 //! momentum; (18)-(25).
 //!
-//! Both are first-order lags of the external wrench, discretised in closed
-//! form: any gain and any period are stable. The momentum balance is taken
-//! between consecutive samples with the rotation that was measured between
-//! them, so that a body which tumbles freely gives zero to rounding, where a
-//! sum of `omega x J omega dt` drifts with the period.
+//! Both are first-order lags of the external wrench, discretised in closed form: every gain and every period is
+//! stable. The momentum balance is taken between consecutive samples with the rotation that was measured between
+//! them. So the estimate for a freely tumbling body is zero to rounding; a sum of `omega x J omega dt` would drift
+//! with the period.
 
 use crate::{
     Error, Vehicle,
@@ -59,7 +58,7 @@ pub struct WrenchObserver {
     allocation: crate::vehicle::Allocation,
 }
 
-/// What the observer has seen.
+/// The state of the observer.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WrenchObserverState {
     /// The estimate: force in W, torque in R about the centre of mass.
@@ -68,8 +67,7 @@ pub struct WrenchObserverState {
 }
 
 impl WrenchObserverState {
-    /// Keeps the estimate but not the last sample: for a state that has been
-    /// corrected by a jump, which is no motion.
+    /// Keeps the estimate but not the last sample, for a state that was corrected by a jump, which is not a motion.
     pub fn forget_sample(&mut self) {
         self.last = None;
     }
@@ -82,7 +80,7 @@ struct Sample {
     torque_r: Vector3,
 }
 
-/// What was measured at one instant.
+/// The measurements at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObserverInput {
     /// Orientation: maps R to W.
@@ -113,7 +111,7 @@ impl WrenchObserver {
         Self { gains, mass: vehicle.mass(), inertia: *vehicle.inertia(), allocation: *vehicle.allocation() }
     }
 
-    /// The same for a vehicle whose model has been corrected.
+    /// An observer with the same gains for a vehicle whose model has been corrected.
     #[must_use]
     pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {
         Self::with_gains(vehicle, self.gains)
@@ -129,8 +127,8 @@ impl WrenchObserver {
     /// estimate: force in W, torque in R about the centre of mass, exerted by
     /// the environment on the robot.
     ///
-    /// The first sample only marks t0. (19) with a plus before its bracket
-    /// (the paper's minus estimates minus the force).
+    /// The first sample only marks t0. (19) has a plus before its bracket here; the paper's minus would estimate the
+    /// negative of the force.
     pub fn step(&self, state: &mut WrenchObserverState, input: &ObserverInput, dt: f64) -> Wrench {
         let actuation = Wrench::from_vector(&(self.allocation * crate::vehicle::inputs(&input.rotor_speeds)));
         let momentum_r = self.inertia * input.angular_velocity_r;
@@ -144,8 +142,8 @@ impl WrenchObserver {
         };
         let force_w = input.rotation_wr * (self.mass * input.specific_force_r - actuation.force);
 
-        // The turn over the period, seen from its start; a torque constant in
-        // the body turns with it, and its mean is that of the left Jacobian.
+        // The rotation over the period, seen from its start. A torque that is constant in the body rotates with it,
+        // and its mean is given by the left Jacobian.
         let turn = last.rotation_wr.transpose() * input.rotation_wr;
         let gained = turn * momentum_r - last.momentum_r;
         let mean_torque_r = so3::left_jacobian_inverse(&so3::log(&turn)) * gained / dt;

@@ -8,10 +8,11 @@ use crate::{
     wrench_observer::ObserverGains,
 };
 
-/// Rates that bear a delay of a tenth of a second with the rotors' lag, 1/s: of position and rotation,
-/// both critically damped, and of the observer.
+/// Rate of the position loop, critically damped, 1/s. It tolerates a delay of 0.1 s with the rotors' lag, as do the next two.
 const POSITION: f64 = 1.5;
+/// Rate of the rotation loop, critically damped, 1/s.
 const ROTATION: f64 = 5.0;
+/// Rate of the observer, 1/s.
 const OBSERVER: f64 = 3.0;
 /// Number of ticks that are remembered.
 const TICKS: usize = 64;

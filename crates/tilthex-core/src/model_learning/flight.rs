@@ -1,4 +1,4 @@
-//! The flight that shows the errors of a model: a level hover, and three that are tilted.
+//! The flight that shows the errors of a model: a level hover and three tilted hovers.
 
 use super::{SHORTEST, TILT};
 use crate::{
@@ -8,7 +8,7 @@ use crate::{
     vehicle::inputs,
 };
 
-/// What is flown after take-off to learn the model from.
+/// The flight after take-off from which the model is learnt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Calibration {
     /// Nothing: the mean wrench of the first hover is the bias.
@@ -43,19 +43,20 @@ impl Calibration {
 
 /// Tilted hovers.
 const TILTS: u8 = 3;
-/// Part of each rotor's input range that a tilted hover leaves at either end.
+/// Part of each rotor's input range that a tilted hover keeps free at either end.
 const ROOM: f64 = 0.08;
-/// The tilt is taken back in these steps, rad, where rotors have no room, down to the least.
+/// If rotors have no room, the tilt is reduced in these steps, rad, down to the smallest.
 const STEP: f64 = core::f64::consts::PI / 180.0;
 const LEAST: f64 = 5.0 * core::f64::consts::PI / 180.0;
-/// Time of the first hover, in which the estimator settles, of each tilted one, and of the end, s.
+/// Durations, s: of the first hover, in which the estimator settles, of each tilted hover, and of the end.
 const FIRST: f64 = SHORTEST + 3.0;
 const TILTED: f64 = SHORTEST + 1.0;
 const LAST: f64 = 1.0;
 
-/// From a level hover with the tool at a position and heading, about the centre of mass, and back.
+/// A trajectory that begins and ends with a level hover with the tool at a position and heading, with tilted hovers
+/// about the same centre of mass between.
 ///
-/// A vehicle that hovers in one attitude only stays there.
+/// A vehicle that hovers in one attitude only stays level.
 ///
 /// # Errors
 /// What [`Trajectory::new`] refuses.

@@ -1,4 +1,4 @@
-//! Still hovers, each reduced to the means that its balance of forces and torques needs.
+//! Steady hovers, each reduced to the means for its balance of forces and torques.
 
 use crate::{
     Vehicle,
@@ -6,14 +6,14 @@ use crate::{
     vehicle::inputs,
 };
 
-/// A hover counts this long after its set-point has come to rest, s.
+/// A hover is used from this time after its set-point has come to rest, s.
 pub const SETTLE: f64 = 1.2;
 /// Means are taken over blocks of this length, s.
 const BLOCK: f64 = 0.5;
-/// Blocks of a hover that are kept, the newest, and the fewest that are enough.
+/// Number of the newest blocks of a hover that are kept, and the smallest number that is enough.
 const BLOCKS: usize = 6;
 const FEWEST: usize = 4;
-/// A vehicle that moves faster than this, m/s and rad/s, does not hover.
+/// A vehicle that is faster than this, m/s and rad/s, does not hover.
 const STILL: (f64, f64) = (0.1, 0.2);
 
 /// The shortest time of a hover with a set-point at rest, s.
@@ -42,7 +42,7 @@ pub(super) struct Hover {
 }
 
 impl Hover {
-    /// The external wrench that a vehicle's model makes of it, robot.
+    /// The external wrench of the hover by a vehicle's model, robot.
     pub(super) fn wrench(&self, vehicle: &Vehicle) -> Wrench {
         let given = Wrench::from_vector(&(vehicle.allocation() * self.inputs));
         Wrench {
@@ -68,7 +68,7 @@ impl Hover {
     }
 }
 
-/// Takes the means of one hover.
+/// Computes the means of one hover.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct HoverMeter {
     /// For how long the set-point has been at rest, s.
@@ -117,7 +117,8 @@ impl HoverMeter {
         }
     }
 
-    /// The means of a hover that lasted long enough, and how far the wrench of a block was from the mean of all.
+    /// The means of a hover that lasted long enough, and the largest difference of a block's wrench from their
+    /// wrench.
     pub(super) fn finish(&mut self, vehicle: &Vehicle) -> Option<(Hover, Wrench)> {
         let done = core::mem::take(self);
         if done.count < FEWEST {

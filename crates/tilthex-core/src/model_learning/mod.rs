@@ -21,36 +21,36 @@ use core::fmt;
 use estimate::Estimate;
 use hover::{Hover, HoverMeter};
 
-/// The newest hovers are kept, at most this many.
+/// Largest number of hovers; the newest are kept.
 pub const MAX_HOVERS: usize = 8;
 /// Tilt for which the false contact is predicted, rad.
 pub const TILT: f64 = 15.0 * core::f64::consts::PI / 180.0;
-/// A block of a hover may differ from the whole by this force, N, and torque, N m.
+/// Largest difference of a block of a hover from the whole hover: force, N, and torque, N m.
 const STEADY: (f64, f64) = (0.15, 0.05);
-/// How many of its deviations a misfit may be above its mean, and an unknown from its prior.
+/// How many standard deviations a misfit may be above its mean, and an unknown from its prior.
 const CREDIBLE: (f64, f64) = (6.0, 5.0);
 
 /// Standard deviations of a model's errors before any flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelPrior {
-    /// Of the mass, as a part of it.
+    /// Of the mass, as a fraction.
     pub mass: f64,
-    /// Of all rotors' thrust, as a part of it.
+    /// Of the thrust of all rotors, as a fraction.
     pub thrust: f64,
-    /// Of each rotor's thrust beside that.
+    /// Of the thrust of each rotor in addition.
     pub thrust_each: f64,
-    /// Of all rotors' drag moment, as a part of it.
+    /// Of the drag moment of all rotors, as a fraction.
     pub drag_moment: f64,
     /// Of a rotor's axis, rad about each axis across it.
     pub rotor_axis: f64,
-    /// Of the centre of mass, m an axis.
+    /// Of the centre of mass, m per axis.
     pub centre_of_mass: f64,
-    /// Of what the estimator leaves of the accelerometer's bias, m/s^2 an axis.
+    /// Of the accelerometer's bias that the estimator does not remove, m/s^2 per axis.
     pub accelerometer_bias: f64,
 }
 
 impl ModelPrior {
-    /// A vehicle taken from its drawings.
+    /// The prior of a vehicle from its drawings.
     pub const CAD: Self = Self {
         mass: 0.03,
         thrust: 0.05,
@@ -65,17 +65,17 @@ impl ModelPrior {
 /// Standard deviations of a model's errors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ModelDeviation {
-    /// Of the mass, as a part of it.
+    /// Of the mass, as a fraction.
     pub mass: f64,
-    /// Of each rotor's thrust, as a part of it.
+    /// Of each rotor's thrust, as a fraction.
     pub thrust: RotorVector,
     /// Of each rotor's axis, rad.
     pub rotor_axis: RotorVector,
-    /// Of the drag moment, as a part of it.
+    /// Of the drag moment, as a fraction.
     pub drag_moment: f64,
     /// Of the centre of mass, m, robot.
     pub centre_of_mass_r: Vector3,
-    /// Of what the estimator leaves of the accelerometer's bias, m/s^2, robot.
+    /// Of the accelerometer's bias that the estimator does not remove, m/s^2, robot.
     pub accelerometer_bias_r: Vector3,
     /// Of the force that is taken for contact in hovers tilted by [`TILT`], N.
     pub false_force: f64,
@@ -83,11 +83,11 @@ pub struct ModelDeviation {
     pub false_torque: f64,
 }
 
-/// Excitation sufficed where hovers took at least this part of a deviation away.
+/// The excitation is sufficient if the hovers reduced a deviation by at least this part.
 pub const EXCITED: f64 = 0.5;
 
 impl ModelDeviation {
-    /// Of a vehicle before any flight.
+    /// The deviations of a vehicle before any flight.
     #[must_use]
     pub fn prior(vehicle: &Vehicle) -> Self {
         Estimate::prior().deviations(vehicle, &ModelPrior::CAD)
@@ -108,11 +108,11 @@ pub enum Refusal {
     NoHover,
     /// The wrench of a hover (number, from 1) changed by this much while it lasted.
     NotStill {
-        /// Which hover, from 1.
+        /// The hover, from 1.
         hover: usize,
-        /// N.
+        /// Force, N.
         force: f64,
-        /// N m.
+        /// Torque, N m.
         torque: f64,
     },
     /// Errors of the model alone cannot explain the hovers.
@@ -152,13 +152,13 @@ impl fmt::Display for Refusal {
 pub struct Learnt {
     /// The vehicle after the correction.
     pub vehicle: Vehicle,
-    /// Its centre of mass from where the model before had it, m, robot.
+    /// Its centre of mass relative to the one of the model before, m, robot.
     pub centre_r: Vector3,
     /// Standard deviations of the remaining errors of the model.
     pub deviation: ModelDeviation,
-    /// Mean squared normalised innovation: about 1 where the deviations are right.
+    /// Mean squared normalised innovation: about 1 if the deviations are right.
     pub misfit: f64,
-    /// Number of hovers it was learnt from.
+    /// Number of hovers from which it was learnt.
     pub hovers: usize,
 }
 
@@ -173,7 +173,7 @@ pub struct ModelLearner {
 }
 
 impl ModelLearner {
-    /// One tick without contact; `still` says whether the set-point rests.
+    /// One tick without contact; `still` says whether the set-point is at rest.
     pub fn observe(&mut self, vehicle: &Vehicle, still: bool, sample: &HoverSample, dt: f64) {
         if still {
             self.meter.add(vehicle, sample, dt);

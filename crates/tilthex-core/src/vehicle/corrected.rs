@@ -8,23 +8,23 @@ const STEPS: usize = 40;
 /// A step that changes the inverse by less than this part of it is the last.
 const CONVERGED: f64 = 1e-14;
 
-/// What is changed of a vehicle. Rotors, tool and IMU stay where they are on the airframe.
+/// A correction of a vehicle. Rotors, tool and IMU keep their places on the airframe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Correction {
-    /// True mass by the model's.
+    /// True mass divided by the model's.
     pub mass: f64,
-    /// Centre of mass from where the model has it, m, robot.
+    /// Centre of mass relative to the model's, m, robot.
     pub centre_r: Vector3,
-    /// True thrust of each rotor by the model's.
+    /// True thrust of each rotor divided by the model's.
     pub thrust: RotorVector,
-    /// True drag moment by the model's.
+    /// True drag moment divided by the model's.
     pub drag: f64,
-    /// What is added to each rotor's axis before it is made a unit vector again, robot.
+    /// Vector that is added to each rotor's axis before it is normalised again, robot.
     pub axis_r: [Vector3; MAX_ROTORS],
 }
 
 impl Correction {
-    /// None.
+    /// No correction.
     pub const NONE: Self = Self {
         mass: 1.0,
         centre_r: Vector3::new(0.0, 0.0, 0.0),
@@ -60,7 +60,7 @@ impl Correction {
 }
 
 impl Vehicle {
-    /// The same vehicle after a correction; none where the correction is so large that it cannot be one.
+    /// The vehicle after a correction; `None` if the correction is too large to be possible.
     ///
     /// Inertia, rank and condition number stay those of the model.
     #[must_use]

@@ -51,7 +51,7 @@ impl TiltedHexarotor {
             let yaw = so3::rot_z(i as f64 * core::f64::consts::FRAC_PI_3);
             let rotation = yaw * so3::rot_x(sign * self.alpha) * so3::rot_y(self.beta);
             Rotor {
-                // (5) prints the arm as I and does not turn the offset; see docs/laws.md.
+                // (5) prints the arm as I and does not rotate the offset; see docs/laws.md.
                 position_r: yaw * Vector3::new(self.arm, 0.0, 0.0) + rotation * self.rotor_offset,
                 axis_r: rotation * Vector3::z(),
                 spin: sign,
@@ -64,7 +64,7 @@ impl TiltedHexarotor {
     }
 }
 
-/// Its column of the allocation matrix, (8)-(9).
+/// The rotor's column of the allocation matrix, (8)-(9).
 pub(super) fn column(rotor: &Rotor) -> nalgebra::Vector6<f64> {
     let force = rotor.thrust_coefficient * rotor.axis_r;
     let torque = rotor.position_r.cross(&force) + rotor.spin * rotor.drag_coefficient * rotor.axis_r;
