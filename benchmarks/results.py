@@ -36,7 +36,7 @@ PAGES = (
         "The paper's experiments",
         tuple(
             f"tilthex experiment {name} --out out/results"
-            for name in ("shaping", "sliding", "multi-contact", "chirp")
+            for name in ("shaping", "sliding", "multi-contact", "chirp", "pressing")
         ),
     ),
     Page(

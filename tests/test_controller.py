@@ -280,3 +280,35 @@ def test_the_bias_of_a_hover_is_learnt_and_removed():
     assert controller.bias[2] == pytest.approx(-0.1 * tilthex.GRAVITY, abs=1e-3)
     np.testing.assert_allclose(out.wrench_tool, 0, atol=1e-3)
     np.testing.assert_allclose(plant.position, 0, atol=1e-3)
+
+
+@given(turn=st.tuples(*[st.floats(-1.0, 1.0)] * 3), force=st.floats(0.5, 6.0), depth=st.floats(-0.02, 0.2))
+@settings(max_examples=20, deadline=None)
+def test_force_axes_press_with_the_commanded_force(
+    turn: tuple[float, float, float], force: float, depth: float
+) -> None:
+    """Along the normal of a surface the filter balances the wall's force, however deep the set-point lies."""
+    surface = tilthex.so3.exp(np.array(turn))
+    normal = surface[:, 2]
+    config = tilthex.Config.from_toml('vehicle = "tilt-hex"\nadmittance = { damping = [60, 60, 60, 4, 4, 4] }')
+    admittance = tilthex.AdmittanceFilter(config)
+    setpoint = tilthex.Setpoint(
+        -depth * normal,
+        np.eye(3),
+        wrench=np.r_[-force * normal, 0.0, 0.0, 0.0],
+        force_axes=["z"],
+        surface=surface,
+    )
+    assert setpoint.force_axes == ["z"]
+    np.testing.assert_allclose(setpoint.surface, surface)
+    pressed = 0.0
+    for _ in range(6000):
+        felt = np.r_[pressed * normal, 0.0, 0.0, 0.0]
+        reference = admittance.step(setpoint, felt + setpoint.wrench)
+        pressed = max(0.0, -300.0 * float(normal @ reference.position))
+    assert abs(pressed - force) < 1e-3 * force
+
+
+def test_an_unknown_force_axis_is_named() -> None:
+    with pytest.raises(ValueError, match=r'force_axes: found "w", expected any of x, y, z, rx, ry, rz'):
+        tilthex.Setpoint(np.zeros(3), np.eye(3), force_axes=["w"])

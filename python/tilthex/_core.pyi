@@ -163,6 +163,8 @@ class Setpoint:
         acceleration: ArrayLike | None = None,
         angular_acceleration: ArrayLike | None = None,
         wrench: ArrayLike | None = None,
+        force_axes: Sequence[str] | None = None,
+        surface: ArrayLike | None = None,
     ) -> Setpoint: ...
     @property
     def position(self) -> _Array: ...
@@ -178,6 +180,10 @@ class Setpoint:
     def angular_acceleration(self) -> _Array: ...
     @property
     def wrench(self) -> _Array: ...
+    @property
+    def force_axes(self) -> list[str]: ...
+    @property
+    def surface(self) -> _Array | None: ...
 
 @final
 class Reference:

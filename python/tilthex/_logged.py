@@ -99,6 +99,8 @@ class State(TypedDict):
     """Whether a rotor is at a limit."""
     given_up: str | None
     """The most important part of the wanted wrench that the rotors do not produce; none if they produce all of it."""
+    energy_tank: float | None
+    """Energy that the reference may still put into what the tool touches. [J]"""
     rotor_command: Array
     """Commanded speed of each rotor. [Hz]"""
     rotor_speeds: Array

@@ -199,9 +199,27 @@ class Flight:
         """
         self._order("set_admittance", **{k: np.asarray(v, float).tolist() for k, v in parameters.items()})
 
-    def set_wrench(self, force: ArrayLike = (0.0, 0.0, 0.0), torque: ArrayLike = (0.0, 0.0, 0.0)) -> None:
-        """Sets the wrench, N and N m, that the tool shall exert on the environment (world, at the tool)."""
-        self._order("set_wrench", force=_array(force, (3,), "force"), torque=_array(torque, (3,), "torque"))
+    def set_wrench(
+        self,
+        force: ArrayLike = (0.0, 0.0, 0.0),
+        torque: ArrayLike = (0.0, 0.0, 0.0),
+        *,
+        force_axes: Sequence[str] = (),
+        surface: ArrayLike | None = None,
+    ) -> None:
+        """Sets the wrench, N and N m, that the tool shall exert on the environment (world, at the tool).
+
+        Args:
+            force: (3,), N.
+            torque: (3,), N m.
+            force_axes: axes of x, y, z (force) and rx, ry, rz (torque) along which the wrench is controlled
+                instead of the pose: those of the tool.
+            surface: (3, 3), maps coordinates of a surface to world coordinates: then the axes are its own.
+        """
+        order = {"force": _array(force, (3,), "force"), "torque": _array(torque, (3,), "torque")}
+        if surface is not None:
+            order["surface"] = _array(surface, (3, 3), "surface")
+        self._order("set_wrench", **order, force_axes=list(force_axes))
 
     def release_wrench(self) -> None:
         """Returns to the wrench of the trajectory."""

@@ -9,7 +9,7 @@ use super::{
 };
 use tilthex_core::{
     Vector3, Vehicle,
-    admittance::{AdmittanceFilter, AdmittanceParams},
+    admittance::{AdmittanceFilter, AdmittanceParams, Axes as FilterAxes},
     allocation::{Allocator, AllocatorParams, Priority},
     attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
     contact::ContactParams,
@@ -17,6 +17,7 @@ use tilthex_core::{
     free_wrench::FreeWrenchParams,
     plant::{BodyDrag, RotorDrag},
     pose_control::{PoseController, PoseGains},
+    reference_bounds::ReferenceBounds,
     vehicle::Actuation,
     wrench_observer::{ObserverGains, WrenchObserver},
 };
@@ -49,9 +50,11 @@ section! {
 }
 
 section! {
-    /// The admittance filter at the tool, (27), world axes, translation before
-    /// rotation. Each matrix: its six diagonal numbers, or 6x6.
+    /// The admittance filter at the tool, (27), translation before rotation, in the axes that `axes` names. Each matrix:
+    /// its six diagonal numbers, or 6x6.
     pub AdmittanceSection as "admittance" {
+        /// "world", or "tool": those of the tool at its set-point.
+        axes: String = FilterAxes::default().name().into(),
         /// M_E.
         mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]) => "kg and kg m^2" by "set_admittance",
         /// D_E.
@@ -79,6 +82,14 @@ section! {
         max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
         /// Largest rotation of the reference from the set-point.
         max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
+        /// Largest speed of the reference relative to its set-point, as after a loss of contact.
+        max_velocity: f64 = ReferenceBounds::default().speed => "m/s" from 1e-3 to 100.0,
+        /// Largest angular velocity likewise.
+        max_angular_velocity_deg: f64 = 180.0 => "degrees/s" from 0.1 to 5000.0,
+        /// Energy that the reference may put into what the tool touches, beside `tank_power`.
+        tank_capacity: f64 = ReferenceBounds::default().capacity => "J" from 0.0 to 1e4,
+        /// Power that the reference may put into what the tool touches all the time.
+        tank_power: f64 = ReferenceBounds::default().power => "W" from 0.0 to 1e4,
     }
 }
 
@@ -156,14 +167,19 @@ impl WrenchObserverSection {
 
 impl AdmittanceSection {
     /// The filter's parameters.
-    pub(super) fn params(&self) -> AdmittanceParams {
-        AdmittanceParams {
+    pub(super) fn params(&self) -> Result<AdmittanceParams, ConfigError> {
+        let place = format!("[{}] axes", Self::NAME);
+        let axes = FilterAxes::ALL.into_iter();
+        section::check_known("axes", &self.axes, axes.clone().map(FilterAxes::name))
+            .map_err(|e| e.within(&place))?;
+        Ok(AdmittanceParams {
+            axes: axes.into_iter().find(|a| a.name() == self.axes).unwrap_or_default(),
             mass: self.mass.0,
             damping: self.damping.0,
             stiffness: self.stiffness.0,
             max_translation: self.max_translation,
             max_rotation: self.max_rotation_deg.to_radians(),
-        }
+        })
     }
 }
 
@@ -174,6 +190,17 @@ impl AdmittanceSection {
             way: self.max_wrench_way,
             spin: self.max_wrench_spin_deg.to_radians(),
             turn: self.max_wrench_turn_deg.to_radians(),
+        }
+    }
+}
+
+impl AdmittanceSection {
+    fn bounds(&self) -> ReferenceBounds {
+        ReferenceBounds {
+            speed: self.max_velocity,
+            spin: self.max_angular_velocity_deg.to_radians(),
+            capacity: self.tank_capacity,
+            power: self.tank_power,
         }
     }
 }
@@ -287,13 +314,14 @@ impl ControllerSections<'_> {
         Ok(ControllerParams {
             pose: self.pose.gains(),
             observer: self.observer.gains(),
-            admittance: self.admittance.params(),
+            admittance: self.admittance.params()?,
             force_dead_zone: self.admittance.force_dead_zone,
             torque_dead_zone: self.admittance.torque_dead_zone,
             low_pass_hz: self.admittance.low_pass_hz,
             room_torque: self.admittance.room_torque,
             contact: self.contact.params(&self.observer.gains()),
             free_wrench: self.admittance.free_wrench(),
+            bounds: self.admittance.bounds(),
             allocation: self.allocation.params()?,
             attitude: self.attitude.params()?,
         })

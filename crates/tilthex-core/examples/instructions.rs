@@ -5,7 +5,7 @@
 use std::hint::black_box;
 use tilthex_core::{
     GRAVITY, Matrix3, Matrix6, PoseSample, Reference, Setpoint, Vector3, Vector6, Vehicle, Wrench,
-    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
+    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, Axes},
     allocation::{Allocator, AllocatorParams, RotorStatus},
     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
@@ -31,6 +31,7 @@ fn admittance(damping: f64) -> AdmittanceParams {
         stiffness: m(6.0, [10.0, 10.0, 5.0]),
         max_translation: 1.0,
         max_rotation: 1.0,
+        axes: Axes::World,
     }
 }
 
@@ -49,6 +50,7 @@ fn parameters(damping: f64) -> ControllerParams {
         low_pass_hz: 20.0,
         room_torque: 0.0,
         free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
+        bounds: tilthex_core::reference_bounds::ReferenceBounds::default(),
         contact: tilthex_core::contact::ContactParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),

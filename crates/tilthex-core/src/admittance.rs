@@ -5,7 +5,9 @@
 //! the reference yields in the direction of the push. The paper prints d - r
 //! in (27)-(28), which would move against it.
 
+mod forced;
 mod motion;
+mod params;
 mod propagator;
 mod spring;
 
@@ -17,44 +19,9 @@ use crate::{
     vehicle::Mounting,
 };
 use motion::{Linear, Motion};
+pub use params::{AdmittanceParams, Axes};
 use propagator::Block;
 use spring::{Spring, join};
-
-/// Mass, damping and stiffness at the tool (world axes; translation first), and limits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AdmittanceParams {
-    /// M, kg and kg m^2; positive definite.
-    pub mass: Matrix6,
-    /// D, N s/m and N m s/rad; positive semi-definite.
-    pub damping: Matrix6,
-    /// K, N/m and N m/rad; positive semi-definite.
-    pub stiffness: Matrix6,
-    /// Largest distance of the reference from the set-point, m.
-    pub max_translation: f64,
-    /// Largest rotation of the reference from the set-point, rad; below pi.
-    pub max_rotation: f64,
-}
-
-/// Rate of a reference that does not yield, critically damped, 1/s.
-const FIRM: f64 = 2.0;
-/// Smallest allowed excursion of such a reference at its begin: m and rad.
-const FIRM_EXCURSION: (f64, f64) = (1.0, 1.0);
-
-impl AdmittanceParams {
-    /// The parameters of a reference that does not yield, and that returns from any place to which `yielding` let it
-    /// go.
-    #[must_use]
-    pub(crate) fn firm(yielding: &Self) -> Self {
-        let (far, wide) = FIRM_EXCURSION;
-        Self {
-            mass: Matrix6::identity(),
-            damping: Matrix6::from_diagonal_element(2.0 * FIRM),
-            stiffness: Matrix6::from_diagonal_element(FIRM * FIRM),
-            max_translation: yielding.max_translation.max(far),
-            max_rotation: yielding.max_rotation.max(wide),
-        }
-    }
-}
 
 /// The admittance filter.
 ///
@@ -68,8 +35,7 @@ impl AdmittanceParams {
 ///     mass: Matrix6::identity() * 1.5,
 ///     damping: Matrix6::identity() * 10.0,
 ///     stiffness: Matrix6::identity() * 6.0,
-///     max_translation: 1.0,
-///     max_rotation: 1.0,
+///     ..AdmittanceParams::default()
 /// })?;
 /// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
 /// let push = Wrench { force: Vector3::new(1.2, 0.0, 0.0), torque: Vector3::zeros() };
@@ -129,6 +95,15 @@ impl AdmittanceState {
             twist_w: Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z),
         }
     }
+
+    /// The same in axes whose coordinates are `turn` times these.
+    fn turned(&self, turn: &Matrix3) -> Self {
+        Self {
+            translation_w: turn * self.translation_w,
+            rotation: turn * self.rotation * turn.transpose(),
+            twist_w: turned(&self.twist_w, turn),
+        }
+    }
 }
 
 /// The reference of the tool.
@@ -150,11 +125,7 @@ impl AdmittanceFilter {
     /// # Errors
     /// Names the matrix that is not finite, symmetric or definite, or the limit out of range.
     pub fn new(params: AdmittanceParams) -> Result<Self, Error> {
-        check_matrix("admittance mass", &params.mass, 1e-9)?;
-        check_matrix("admittance damping", &params.damping, 0.0)?;
-        check_matrix("admittance stiffness", &params.stiffness, 0.0)?;
-        check_range("max_translation", params.max_translation, 0.0, 100.0)?;
-        check_range("max_rotation", params.max_rotation, 0.0, 3.1)?;
+        params.check()?;
         let singular = Error::NotPositiveDefinite { name: "admittance mass", smallest_eigenvalue: 0.0 };
         let mass_inverse = params.mass.try_inverse().ok_or(singular)?;
         let (damping_rate, stiffness_rate) = (mass_inverse * params.damping, mass_inverse * params.stiffness);
@@ -213,7 +184,8 @@ impl AdmittanceFilter {
     }
 
     /// Moves the reference by `dt` seconds under the wrench `what_E + w_user` at the tool (world), which is constant
-    /// over the period; `setpoint` is the set-point at its end.
+    /// over the period; `setpoint` is the set-point at its end. Along the force axes of the set-point, neither its place nor
+    /// its motion acts on the reference.
     pub fn step(
         &self,
         state: &mut AdmittanceState,
@@ -221,32 +193,25 @@ impl AdmittanceFilter {
         wrench_w: &Wrench,
         dt: f64,
     ) -> AdmittanceOutput {
-        match &self.law {
-            Law::Diagonal(law) => self.step_by(law, state, setpoint, wrench_w, dt),
-            Law::Full(law) => self.step_by(law, state, setpoint, wrench_w, dt),
+        let mut push_w = *wrench_w;
+        if let Some(forced) = self.forced(state, setpoint) {
+            push_w = push_w + self.spring_w(state, setpoint) - self.relieved_w(state, setpoint, &forced);
+            push_w = push_w - forced.along(&self.carried_w(setpoint));
         }
-    }
-
-    fn step_by<B: Block>(
-        &self,
-        law: &Linear<B>,
-        state: &mut AdmittanceState,
-        setpoint: &Setpoint,
-        wrench_w: &Wrench,
-        dt: f64,
-    ) -> AdmittanceOutput {
-        let motion = Motion {
-            law,
-            spring: &self.spring,
-            push: law.mass_inverse.apply(&wrench_w.to_vector()),
-            setpoint_velocity_w: setpoint.angular_velocity_w,
+        let push = push_w.to_vector();
+        let (acceleration_w, limited) = match self.params.axes {
+            Axes::World => self.step_own(state, &push, setpoint.angular_velocity_w, dt),
+            Axes::Tool => {
+                // The axes do not turn within the period.
+                let (to_world, to_axes) = (setpoint.rotation_we, setpoint.rotation_we.transpose());
+                let mut own = state.turned(&to_axes);
+                let turning = to_axes * setpoint.angular_velocity_w;
+                let (acceleration, limited) = self.step_own(&mut own, &turned(&push, &to_axes), turning, dt);
+                *state = own.turned(&to_world);
+                (turned(&acceleration, &to_world), limited)
+            }
         };
-        if dt > 0.0 {
-            motion.advance(state, dt);
-        }
-        let limits = self.hold_back(state);
-        let (a, alpha) = halves(&motion.acceleration(state, &motion.strained(state)));
-        let [a, alpha] = [without_outward(a, limits[0]), without_outward(alpha, limits[1])];
+        let (a, alpha) = halves(&acceleration_w);
         let (v, w) = halves(&state.twist_w);
         AdmittanceOutput {
             reference: Setpoint {
@@ -256,11 +221,44 @@ impl AdmittanceFilter {
                 angular_velocity_w: setpoint.angular_velocity_w + w,
                 acceleration_w: setpoint.acceleration_w + a,
                 angular_acceleration_w: setpoint.angular_acceleration_w + alpha,
-                wrench_w: setpoint.wrench_w,
+                ..*setpoint
             },
             deviation_w: join(&state.translation_w, &so3::vee(&state.rotation)),
-            limited: limits.iter().any(Option::is_some),
+            limited,
         }
+    }
+
+    /// One step in the axes of the matrices: the acceleration at its end, and whether an excursion limit is active.
+    fn step_own(
+        &self,
+        state: &mut AdmittanceState,
+        push: &Vector6,
+        turning: Vector3,
+        dt: f64,
+    ) -> (Vector6, bool) {
+        match &self.law {
+            Law::Diagonal(law) => self.step_by(law, state, push, turning, dt),
+            Law::Full(law) => self.step_by(law, state, push, turning, dt),
+        }
+    }
+
+    fn step_by<B: Block>(
+        &self,
+        law: &Linear<B>,
+        state: &mut AdmittanceState,
+        push: &Vector6,
+        setpoint_velocity: Vector3,
+        dt: f64,
+    ) -> (Vector6, bool) {
+        let push = law.mass_inverse.apply(push);
+        let motion = Motion { law, spring: &self.spring, push, setpoint_velocity };
+        if dt > 0.0 {
+            motion.advance(state, dt);
+        }
+        let limits = self.hold_back(state);
+        let (a, alpha) = halves(&motion.acceleration(state, &motion.strained(state)));
+        let acceleration = join(&without_outward(a, limits[0]), &without_outward(alpha, limits[1]));
+        (acceleration, limits.iter().any(Option::is_some))
     }
 
     /// Limits the excursion: moves the deviation back onto the limit, and removes the outward velocity. Returns the
@@ -347,6 +345,12 @@ fn halves(v: &Vector6) -> (Vector3, Vector3) {
     (v.fixed_rows::<3>(0).into_owned(), v.fixed_rows::<3>(3).into_owned())
 }
 
+/// Both halves in axes whose coordinates are `turn` times these.
+fn turned(v: &Vector6, turn: &Matrix3) -> Vector6 {
+    let (linear, angular) = halves(v);
+    join(&(turn * linear), &(turn * angular))
+}
+
 /// Upper bound of |s| over the roots of det(s^2 + s D' + K'): with row sums,
 /// |s| <= d + k/|s| at the largest root.
 fn rate_bound(damping: &Matrix6, stiffness: &Matrix6) -> f64 {
@@ -358,19 +362,4 @@ fn rate_bound(damping: &Matrix6, stiffness: &Matrix6) -> f64 {
 
 fn is_diagonal(m: &Matrix6) -> bool {
     (m - Matrix6::from_diagonal(&m.diagonal())).iter().all(|x| *x == 0.0)
-}
-
-fn check_matrix(name: &'static str, m: &Matrix6, least: f64) -> Result<(), Error> {
-    if m.iter().any(|x| !x.is_finite()) {
-        return Err(Error::NotFinite { name });
-    }
-    let defect = (m - m.transpose()).amax();
-    if defect > 1e-9 * m.amax() {
-        return Err(Error::NotSymmetric { name, defect });
-    }
-    let smallest_eigenvalue = m.symmetric_eigenvalues().min();
-    if smallest_eigenvalue < least - 1e-12 * m.amax() {
-        return Err(Error::NotPositiveDefinite { name, smallest_eigenvalue });
-    }
-    Ok(())
 }

@@ -11,9 +11,11 @@ use crate::{
     bias::BiasEstimator,
     contact::{Contact, ContactParams, ContactState, Seen},
     error::check_range,
-    filters::{LowPass, LowPassState, dead_zone, lag_fraction},
+    filters::{LowPass, LowPassState, lag_fraction},
+    force_axes::ForceAxes,
     free_wrench::{FreeWrenchParams, FreeWrenchState},
     pose_control::{PoseCommand, PoseController, PoseGains},
+    reference_bounds::ReferenceBounds,
     rotor_room::RotorRoom,
     types::{Matrix3, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
     vehicle::speeds,
@@ -56,6 +58,8 @@ pub struct ControllerParams {
     pub contact: ContactParams,
     /// Limits of the motion by a wrench set-point if nothing resists the tool.
     pub free_wrench: FreeWrenchParams,
+    /// Speed of the reference, and the energy that it may put into what the tool touches.
+    pub bounds: ReferenceBounds,
     /// The order in which parts of the wrench are given up at the rotors' limits.
     pub allocation: AllocatorParams,
     /// The attitude of the vehicle if the lateral force does not suffice.
@@ -91,6 +95,7 @@ impl Controller {
         check_range("force_dead_zone", params.force_dead_zone, 0.0, 100.0)?;
         check_range("torque_dead_zone", params.torque_dead_zone, 0.0, 100.0)?;
         params.free_wrench.checked()?;
+        params.bounds.check()?;
         params.contact.checked()?;
         let room = RotorRoom::new(&vehicle, params.room_torque)?;
         let arm = vehicle.rotors().iter().map(|r| r.position_r.norm()).fold(0.0, f64::max);
@@ -225,17 +230,19 @@ impl Controller {
         let told = self.params.contact.step(&mut state.contact, &seen, dt);
         let touching = (wrench_tool_w - told.drag_tool_w).to_vector();
         let smooth = Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &touching, dt));
-        let wrench_admittance_w = Wrench {
-            force: dead_zone(&smooth.force, self.params.force_dead_zone) * told.part,
-            torque: dead_zone(&smooth.torque, self.params.torque_dead_zone) * told.part,
-        };
+        // A reference that does not yield controls no force.
+        let force_axes = if input.compliant { input.setpoint.force_axes } else { ForceAxes::NONE };
+        let setpoint = Setpoint { force_axes, ..input.setpoint };
+        let forced = force_axes.at(&(state.admittance.rotation * setpoint.rotation_we));
+        let contact_w = forced.beyond(&smooth, (self.params.force_dead_zone, self.params.torque_dead_zone));
+        let wrench_admittance_w =
+            Wrench { force: contact_w.force * told.part, torque: contact_w.torque * told.part };
         let mut drive = Wrench::ZERO;
         if input.compliant {
-            let (filter, asked_w) = (self.admittance.params(), &input.setpoint.wrench_w);
-            let free = &mut state.free_wrench;
+            let (free, admittance) = (&mut state.free_wrench, (&self.admittance, &setpoint));
             let felt_w = &wrench_admittance_w;
             drive = wrench_admittance_w
-                + self.params.free_wrench.step(free, filter, &state.admittance, felt_w, asked_w, dt);
+                + self.params.free_wrench.step(free, admittance, &state.admittance, felt_w, dt);
         }
         // Without all of its rotors the vehicle has other limits.
         if let Some(room) = self.room.as_ref().filter(|_| input.compliant && input.lost_rotors == 0) {
@@ -250,7 +257,16 @@ impl Controller {
             Some([least, most]) if least >= most => (&self.firm, observed - contact),
             Some(_) => (&self.firm, self.explained(&observed, &contact, &state.lasting_force_w)),
         };
-        let yielded = filter.step(&mut state.admittance, &input.setpoint, &drive, dt);
+        let mut yielded = filter.step(&mut state.admittance, &setpoint, &drive, dt);
+        if input.compliant {
+            let impulse_w = filter.impulse_w(&wrench_admittance_w, &setpoint);
+            self.params.bounds.step(
+                &mut state.energy_tank,
+                (&mut state.admittance, &mut yielded.reference),
+                (&wrench_admittance_w, &impulse_w),
+                dt,
+            );
+        }
         let rotors = RotorStatus { speeds: input.rotor_speeds, lost: input.lost_rotors };
         let unturned = if input.fixed_attitude {
             state.attitude = AttitudeState::default();
@@ -295,6 +311,7 @@ impl Controller {
             wanted_wrench_r,
             allocation,
             excursion_limited: yielded.limited,
+            energy_tank: state.energy_tank,
         }
     }
 

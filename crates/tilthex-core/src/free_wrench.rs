@@ -6,10 +6,9 @@
 
 use crate::{
     Error,
-    admittance::{AdmittanceParams, AdmittanceState},
+    admittance::{AdmittanceFilter, AdmittanceState},
     error::check_range,
-    so3,
-    types::{Matrix3, Matrix6, Vector3, Wrench},
+    types::{Matrix3, Matrix6, Setpoint, Vector3, Wrench},
 };
 
 /// The tool is in contact if at least this part of the commanded wrench is felt against it.
@@ -31,15 +30,14 @@ const APPROACH: f64 = 0.5;
 ///     mass: Matrix6::identity() * 1.5,
 ///     damping: Matrix6::identity() * 10.0,
 ///     stiffness: Matrix6::zeros(),
-///     max_translation: 1.0,
-///     max_rotation: 1.0,
+///     ..AdmittanceParams::default()
 /// })?;
 /// let limits = FreeWrenchParams::default().checked()?;
-/// let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
-/// let commanded_w = Wrench { force: Vector3::new(10.0, 0.0, 0.0), torque: Vector3::zeros() };
+/// let wrench_w = Wrench { force: Vector3::new(10.0, 0.0, 0.0), torque: Vector3::zeros() };
+/// let setpoint = Setpoint { wrench_w, ..Setpoint::hold(Vector3::zeros(), Matrix3::identity()) };
 /// let (mut state, mut moved) = (FreeWrenchState::default(), AdmittanceState::default());
 /// for _ in 0..500 {
-///     let drive_w = limits.step(&mut state, filter.params(), &moved, &Wrench::ZERO, &commanded_w, 0.002);
+///     let drive_w = limits.step(&mut state, (&filter, &setpoint), &moved, &Wrench::ZERO, 0.002);
 ///     filter.step(&mut moved, &setpoint, &drive_w, 0.002);
 ///     // Without the limit the tool would reach 10 N / 10 N s/m = 1 m/s.
 ///     assert!(moved.twist_w[0] < 1.05 * limits.speed);
@@ -81,32 +79,29 @@ impl FreeWrenchParams {
     pub fn step(
         &self,
         state: &mut FreeWrenchState,
-        filter: &AdmittanceParams,
+        (filter, setpoint): (&AdmittanceFilter, &Setpoint),
         moved: &AdmittanceState,
         felt_w: &Wrench,
-        commanded_w: &Wrench,
         dt: f64,
     ) -> Wrench {
+        let commanded_w = &setpoint.wrench_w;
         if *commanded_w == Wrench::ZERO {
             *state = FreeWrenchState::default();
             return Wrench::ZERO;
         }
-        let (translation_w, rotation) = (&moved.translation_w, so3::vee(&moved.rotation));
-        let block = |m: &Matrix6, rows: usize, columns: usize| -> Matrix3 {
-            Matrix3::from_fn(|i, k| m.get((rows + i, columns + k)).copied().unwrap_or_default())
+        let spring_w = filter.acting_spring_w(moved, setpoint);
+        let [mass, damping] =
+            [&filter.params().mass, &filter.params().damping].map(|m| filter.in_world(m, setpoint));
+        let half = |rows: usize, felt_w: Vector3, spring_w: Vector3, most: (f64, f64)| {
+            let block = |m: &Matrix6| {
+                Matrix3::from_fn(|i, k| m.get((rows + i, rows + k)).copied().unwrap_or_default())
+            };
+            Half { felt_w, spring_w, mass: block(&mass), damping: block(&damping), most }
         };
-        let spring = |rows: usize| {
-            block(&filter.stiffness, rows, 0) * translation_w + block(&filter.stiffness, rows, 3) * rotation
-        };
-        let half = |rows: usize, felt_w: Vector3, most: (f64, f64)| Half {
-            felt_w,
-            spring_w: spring(rows),
-            mass: block(&filter.mass, rows, rows),
-            damping: block(&filter.damping, rows, rows),
-            most,
-        };
-        let (force, torque) =
-            (half(0, felt_w.force, (self.speed, self.way)), half(3, felt_w.torque, (self.spin, self.turn)));
+        let (force, torque) = (
+            half(0, felt_w.force, spring_w.force, (self.speed, self.way)),
+            half(3, felt_w.torque, spring_w.torque, (self.spin, self.turn)),
+        );
         let (velocity_w, spin_w) = (moved.twist_w.fixed_rows::<3>(0), moved.twist_w.fixed_rows::<3>(3));
         Wrench {
             force: force.drive(&commanded_w.force, &velocity_w.into(), &mut state.way, dt),
@@ -161,7 +156,7 @@ pub struct FreeWrenchState {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{admittance::AdmittanceFilter, types::Setpoint};
+    use crate::admittance::AdmittanceParams;
     use proptest::prelude::*;
 
     const DT: f64 = 0.002;
@@ -174,19 +169,19 @@ mod tests {
             damping: Matrix6::identity() * damping,
             stiffness: Matrix6::identity() * stiffness,
             max_translation: 100.0,
-            max_rotation: 1.0,
+            ..AdmittanceParams::default()
         };
         let filter = AdmittanceFilter::new(params).expect("valid");
         let limits = FreeWrenchParams::default();
-        let setpoint = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
+        let wrench_w = Wrench { force: Vector3::new(0.0, force, 0.0), torque: Vector3::zeros() };
+        let setpoint = Setpoint { wrench_w, ..Setpoint::hold(Vector3::zeros(), Matrix3::identity()) };
         let (mut state, mut moved, mut fastest) =
             (FreeWrenchState::default(), AdmittanceState::default(), 0.0_f64);
-        let commanded = Wrench { force: Vector3::new(0.0, force, 0.0), torque: Vector3::zeros() };
         let mut pressed = 0.0;
         for _ in 0..6000 {
             pressed = ((moved.translation_w.y - wall.1) * wall.0).max(0.0);
             let felt = Wrench { force: Vector3::new(0.0, -pressed, 0.0), torque: Vector3::zeros() };
-            let drive = limits.step(&mut state, filter.params(), &moved, &felt, &commanded, DT) + felt;
+            let drive = limits.step(&mut state, (&filter, &setpoint), &moved, &felt, DT) + felt;
             filter.step(&mut moved, &setpoint, &drive, DT);
             fastest = fastest.max(moved.twist_w.norm());
         }

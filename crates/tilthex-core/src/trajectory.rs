@@ -4,6 +4,7 @@
 use crate::{
     Error,
     error::check_range,
+    force_axes::ForceAxes,
     so3,
     types::{Matrix3, Setpoint, Vector3, Wrench},
 };
@@ -24,6 +25,8 @@ pub struct Waypoint {
     pub rotation_we: Matrix3,
     /// Wrench that the tool shall exert here (world, at the tip); blended between way-points.
     pub wrench_w: Wrench,
+    /// Along which axes that wrench is controlled instead of the pose, from here to where the next way-point is reached.
+    pub force_axes: ForceAxes,
     /// Shortest time of the motion to this way-point, s; the limits may make it longer.
     pub duration: f64,
     /// Time to stay here, s.
@@ -46,12 +49,13 @@ pub struct Limits {
 /// A checked trajectory of fixed size.
 ///
 /// ```
-/// use tilthex_core::{Matrix3, Vector3, Wrench, trajectory::{Limits, Trajectory, Waypoint}};
+/// use tilthex_core::{Matrix3, Vector3, Wrench, force_axes::ForceAxes, trajectory::{Limits, Trajectory, Waypoint}};
 ///
 /// let at = |x: f64| Waypoint {
 ///     position_w: Vector3::new(x, 0.0, 1.0),
 ///     rotation_we: Matrix3::identity(),
 ///     wrench_w: Wrench::ZERO,
+///     force_axes: ForceAxes::NONE,
 ///     duration: 0.0,
 ///     hold: 1.0,
 /// };
@@ -72,7 +76,6 @@ pub struct Trajectory {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Leg {
-    from: Waypoint,
     to: Waypoint,
     /// Rotation vector from the leg's start to its end, in coordinates of the start.
     turn_e: Vector3,
@@ -96,7 +99,7 @@ impl Trajectory {
         check_range("angular velocity limit", limits.angular_velocity, 1e-6, 100.0)?;
         check_range("angular acceleration limit", limits.angular_acceleration, 1e-6, 1e4)?;
         check_waypoint(&start)?;
-        let blank = Leg { from: start, to: start, turn_e: Vector3::zeros(), begins: 0.0, duration: 0.0 };
+        let blank = Leg { to: start, turn_e: Vector3::zeros(), begins: 0.0, duration: 0.0 };
         let mut legs = [blank; MAX_WAYPOINTS];
         let (mut from, mut begins) = (start, start.hold);
         for (leg, to) in legs.iter_mut().zip(waypoints) {
@@ -107,7 +110,7 @@ impl Trajectory {
                 .duration
                 .max(shortest(way, limits.velocity, limits.acceleration))
                 .max(shortest(turn_e.norm(), limits.angular_velocity, limits.angular_acceleration));
-            *leg = Leg { from, to: *to, turn_e, begins, duration };
+            *leg = Leg { to: *to, turn_e, begins, duration };
             begins += duration + to.hold;
             from = *to;
         }
@@ -118,8 +121,9 @@ impl Trajectory {
     #[must_use]
     pub fn hold(position_w: Vector3, rotation_we: Matrix3) -> Self {
         let (wrench_w, turn_e) = (Wrench::ZERO, Vector3::zeros());
-        let start = Waypoint { position_w, rotation_we, wrench_w, duration: 0.0, hold: 0.0 };
-        let blank = Leg { from: start, to: start, turn_e, begins: 0.0, duration: 0.0 };
+        let force_axes = ForceAxes::NONE;
+        let start = Waypoint { position_w, rotation_we, wrench_w, force_axes, duration: 0.0, hold: 0.0 };
+        let blank = Leg { to: start, turn_e, begins: 0.0, duration: 0.0 };
         Self { start, legs: [blank; MAX_WAYPOINTS], count: 0 }
     }
 
@@ -156,7 +160,9 @@ impl Trajectory {
     /// one.
     #[must_use]
     pub fn sample(&self, time: f64) -> Setpoint {
-        let Some(leg) = self.legs().iter().rev().find(|leg| time >= leg.begins) else {
+        let starts = core::iter::once(&self.start).chain(self.legs().iter().map(|leg| &leg.to));
+        let Some((from, leg)) = starts.zip(self.legs()).take_while(|(_, leg)| time >= leg.begins).last()
+        else {
             return at_rest(&self.start);
         };
         let elapsed = time - leg.begins;
@@ -167,27 +173,29 @@ impl Trajectory {
         let part = s * s * s * (10.0 + s * (-15.0 + 6.0 * s));
         let rate = 30.0 * s * s * (1.0 - s) * (1.0 - s) / t;
         let second_rate = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / (t * t);
-        let way = leg.to.position_w - leg.from.position_w;
+        let way = leg.to.position_w - from.position_w;
         // The axis of the rotation is the same in the frames of start, motion and end.
-        let turn_w = leg.from.rotation_we * leg.turn_e;
+        let turn_w = from.rotation_we * leg.turn_e;
         let blend = |a: &Vector3, b: &Vector3| a + (b - a) * part;
         Setpoint {
-            position_w: leg.from.position_w + way * part,
-            rotation_we: leg.from.rotation_we * so3::exp(&(leg.turn_e * part)),
+            position_w: from.position_w + way * part,
+            rotation_we: from.rotation_we * so3::exp(&(leg.turn_e * part)),
             velocity_w: way * rate,
             angular_velocity_w: turn_w * rate,
             acceleration_w: way * second_rate,
             angular_acceleration_w: turn_w * second_rate,
             wrench_w: Wrench {
-                force: blend(&leg.from.wrench_w.force, &leg.to.wrench_w.force),
-                torque: blend(&leg.from.wrench_w.torque, &leg.to.wrench_w.torque),
+                force: blend(&from.wrench_w.force, &leg.to.wrench_w.force),
+                torque: blend(&from.wrench_w.torque, &leg.to.wrench_w.torque),
             },
+            force_axes: from.force_axes,
         }
     }
 }
 
 fn at_rest(waypoint: &Waypoint) -> Setpoint {
-    Setpoint { wrench_w: waypoint.wrench_w, ..Setpoint::hold(waypoint.position_w, waypoint.rotation_we) }
+    let Waypoint { position_w, rotation_we, wrench_w, force_axes, .. } = *waypoint;
+    Setpoint { wrench_w, force_axes, ..Setpoint::hold(position_w, rotation_we) }
 }
 
 /// Shortest rest-to-rest time of a quintic polynomial over a distance within both limits.
@@ -200,6 +208,7 @@ fn check_waypoint(w: &Waypoint) -> Result<(), Error> {
         check_range("position of a way-point", *x, -1e4, 1e4)?;
     }
     so3::check_rotation("rotation of a way-point", &w.rotation_we)?;
+    w.force_axes.check()?;
     check_range("duration of a way-point", w.duration, 0.0, 1e6)?;
     check_range("hold of a way-point", w.hold, 0.0, 1e6)?;
     for x in w.wrench_w.to_vector().iter() {

@@ -1,5 +1,7 @@
 //! The quantities that pass between blocks, each with its frame and unit.
 
+use crate::force_axes::ForceAxes;
+
 /// Largest number of rotors. The entries of rotor vectors after the vehicle's own count are zero.
 pub const MAX_ROTORS: usize = 12;
 
@@ -117,6 +119,8 @@ pub struct Setpoint {
     pub angular_acceleration_w: Vector3,
     /// Wrench the tool shall exert on the environment, world, about the tool tip.
     pub wrench_w: Wrench,
+    /// Along which axes that wrench is controlled instead of the pose.
+    pub force_axes: ForceAxes,
 }
 
 impl Setpoint {
@@ -131,6 +135,7 @@ impl Setpoint {
             acceleration_w: Vector3::zeros(),
             angular_acceleration_w: Vector3::zeros(),
             wrench_w: Wrench::ZERO,
+            force_axes: ForceAxes::NONE,
         }
     }
 

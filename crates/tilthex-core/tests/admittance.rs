@@ -11,7 +11,7 @@ use common::{rotation, vector, wrench};
 use proptest::prelude::*;
 use tilthex_core::{
     Matrix3, Matrix6, Setpoint, Vector3, Vector6, Wrench,
-    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, centre_of_mass_reference},
+    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, Axes, centre_of_mass_reference},
     so3,
     vehicle::Mounting,
 };
@@ -24,6 +24,7 @@ fn diagonal(mass: [f64; 6], damping: [f64; 6], stiffness: [f64; 6]) -> Admittanc
         stiffness: m(stiffness),
         max_translation: 100.0,
         max_rotation: 3.0,
+        axes: Axes::World,
     }
 }
 

@@ -13,7 +13,7 @@ use flight::Motion;
 use nalgebra::SVector;
 use tilthex_core::{
     Matrix3, Matrix6, PoseSample, RobotState, Setpoint, Vector3, Vector6, Vehicle, Wrench,
-    admittance::AdmittanceParams,
+    admittance::{AdmittanceParams, Axes},
     allocation::AllocatorParams,
     attitude::AttitudeParams,
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
@@ -98,12 +98,14 @@ fn controller(vehicle: Vehicle) -> Controller {
             stiffness: stiff(10.0),
             max_translation: 1.0,
             max_rotation: 1.0,
+            axes: Axes::World,
         },
         force_dead_zone: 5.0,
         torque_dead_zone: 5.0,
         low_pass_hz: 10.0,
         room_torque: 0.0,
         free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
+        bounds: tilthex_core::reference_bounds::ReferenceBounds::default(),
         contact: tilthex_core::contact::ContactParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),

@@ -8,10 +8,11 @@ use common::{rotation, tilt_hex, vector, wrench};
 use proptest::prelude::*;
 use tilthex_core::{
     Matrix3, Matrix6, RobotState, RotorVector, Setpoint, Vector3, Vector6, Vehicle, Wrench,
-    admittance::AdmittanceParams,
+    admittance::{AdmittanceParams, Axes},
     allocation::AllocatorParams,
     attitude::AttitudeParams,
     controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
+    force_axes::ForceAxes,
     plant::{Plant, PlantState, SensorParams, Sensors},
     pose_control::PoseGains,
     so3,
@@ -37,12 +38,14 @@ fn params() -> ControllerParams {
             stiffness: m(6.0, [10.0, 10.0, 5.0]),
             max_translation: 1.0,
             max_rotation: 1.0,
+            axes: Axes::World,
         },
         force_dead_zone: 0.2,
         torque_dead_zone: 0.2,
         low_pass_hz: 10.0,
         room_torque: 0.0,
         free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
+        bounds: tilthex_core::reference_bounds::ReferenceBounds::default(),
         contact: tilthex_core::contact::ContactParams::default(),
         allocation: AllocatorParams::default(),
         attitude: AttitudeParams::default(),
@@ -191,4 +194,45 @@ fn a_pushed_tool_yields_like_the_spring_it_was_told_to_be() {
     assert!(tracking < 0.02);
     let flat: RotorVector = flown.state.rotor_speeds;
     assert!(flat.iter().all(|w| w.is_finite()));
+}
+
+/// A set-point far behind a tilted wall, force control along its normal: the wall feels the commanded force, without the dead
+/// zone's offset, and the tool stays where it is told along the wall.
+#[test]
+fn presses_on_a_wall_as_hard_as_it_is_told() {
+    let vehicle = tilt_hex();
+    let mut given = params();
+    given.admittance.damping = Matrix6::from_diagonal(&Vector6::new(60.0, 60.0, 60.0, 4.0, 4.0, 4.0));
+    let surface = so3::rot_y(-0.3);
+    let normal = surface * Vector3::z();
+    let lever = vehicle.tool().position_r;
+    let state = PlantState::new(
+        RobotState::at_rest(normal * 0.02 - lever),
+        vehicle.hover_speeds(&Matrix3::identity()),
+    );
+    let mut flown = Loop::new(vehicle, given, SensorParams::IDEAL, state);
+    let rotation_we = vehicle.tool().rotation_r;
+    let mut depth = 0.0;
+    for (deepest, force) in [(0.0, 2.0), (0.15, 4.0)] {
+        let mut pressed = 0.0;
+        for _ in 0..6000 {
+            // 0.05 m/s, as a route would go there.
+            depth = f64::min(depth + 1e-4, deepest);
+            let setpoint = Setpoint {
+                wrench_w: Wrench { force: -normal * force, torque: Vector3::zeros() },
+                force_axes: ForceAxes {
+                    force: [false, false, true],
+                    surface_ws: Some(surface),
+                    ..ForceAxes::NONE
+                },
+                ..Setpoint::hold(-normal * depth, rotation_we)
+            };
+            let tip = flown.state.robot.position_w + flown.state.robot.rotation_wr * lever;
+            pressed = (-500.0 * normal.dot(&tip)).max(0.0);
+            flown.tick(&setpoint, &Wrench { force: normal * pressed, torque: Vector3::zeros() });
+        }
+        assert!((pressed - force).abs() < 0.05, "{pressed} N of {force} N");
+        let tip = flown.state.robot.position_w + flown.state.robot.rotation_wr * lever;
+        assert!((tip - normal * normal.dot(&tip)).norm() < 2e-3, "{tip}");
+    }
 }

@@ -7,6 +7,7 @@ mod common;
 use common::{rotation, vector, wrench};
 use proptest::prelude::*;
 use tilthex_core::{
+    force_axes::ForceAxes,
     so3,
     trajectory::{Limits, Trajectory, Waypoint},
 };
@@ -17,6 +18,7 @@ fn waypoint() -> impl Strategy<Value = Waypoint> {
             position_w,
             rotation_we,
             wrench_w,
+            force_axes: ForceAxes::NONE,
             duration,
             hold,
         },

@@ -2,8 +2,8 @@
 
 use crate::convert::{self, array1, array2, wrench_array};
 use numpy::{PyArray1, PyArray2};
-use pyo3::prelude::*;
-use tilthex_core::{Vector3, Wrench};
+use pyo3::{exceptions::PyValueError, prelude::*};
+use tilthex_core::{Vector3, Wrench, force_axes::ForceAxes};
 
 type Any<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
@@ -11,8 +11,24 @@ fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
     given.map_or(Ok(Vector3::zeros()), |v| convert::vector(name, v))
 }
 
+/// The axes of a set-point along which force is controlled.
+pub(crate) fn chosen(names: Vec<String>, surface: Any<'_, '_>) -> PyResult<ForceAxes> {
+    let surface_ws = surface.map(|s| convert::rotation("surface", s)).transpose()?;
+    let mut axes = ForceAxes { surface_ws, ..ForceAxes::NONE };
+    for name in names {
+        if !axes.choose(&name) {
+            let known = ForceAxes::NAMES.join(", ");
+            let message = format!("force_axes: found {name:?}, expected any of {known}");
+            return Err(PyValueError::new_err(message));
+        }
+    }
+    Ok(axes)
+}
+
 /// The commanded set-point of the tool: pose, twist and acceleration of the tool frame, all in world coordinates, and
-/// the wrench that the tool shall exert on the environment (force N, torque N m, world, about the tip).
+/// the wrench that the tool shall exert on the environment (force N, torque N m, world, about the tip). `force_axes` names axes of
+/// x, y, z (force) and rx, ry, rz (torque) along which that wrench is controlled instead of the pose: those of the tool, or
+/// those of a `surface`, (3, 3), which maps its coordinates to world coordinates.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
 pub(crate) struct Setpoint(pub(crate) tilthex_core::Setpoint);
@@ -22,8 +38,9 @@ impl Setpoint {
     #[new]
     #[pyo3(signature = (
         position, rotation, velocity=None, angular_velocity=None, acceleration=None,
-        angular_acceleration=None, wrench=None
+        angular_acceleration=None, wrench=None, force_axes=None, surface=None
     ))]
+    #[expect(clippy::too_many_arguments, reason = "Python names them")]
     fn new(
         position: &Bound<'_, PyAny>,
         rotation: &Bound<'_, PyAny>,
@@ -32,6 +49,8 @@ impl Setpoint {
         acceleration: Any<'_, '_>,
         angular_acceleration: Any<'_, '_>,
         wrench: Any<'_, '_>,
+        force_axes: Option<Vec<String>>,
+        surface: Any<'_, '_>,
     ) -> PyResult<Self> {
         Ok(Self(tilthex_core::Setpoint {
             position_w: convert::vector("position", position)?,
@@ -41,6 +60,7 @@ impl Setpoint {
             acceleration_w: or_zero("acceleration", acceleration)?,
             angular_acceleration_w: or_zero("angular_acceleration", angular_acceleration)?,
             wrench_w: wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?,
+            force_axes: chosen(force_axes.unwrap_or_default(), surface)?,
         }))
     }
 
@@ -84,6 +104,18 @@ impl Setpoint {
     #[getter]
     fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wrench_array(py, &self.0.wrench_w)
+    }
+
+    /// Names of the axes along which that wrench is controlled instead of the pose.
+    #[getter]
+    fn force_axes(&self) -> Vec<&'static str> {
+        self.0.force_axes.names().collect()
+    }
+
+    /// Maps coordinates of the surface, whose axes these are, to world coordinates, (3, 3); None for the tool's axes.
+    #[getter]
+    fn surface<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        self.0.force_axes.surface_ws.map(|surface_ws| array2(py, &surface_ws)).transpose()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::{
     convert::{self, array1},
-    setpoint::Setpoint,
+    setpoint::{Setpoint, chosen},
     vehicle::Vehicle,
 };
 use numpy::PyArray1;
@@ -17,7 +17,8 @@ use tilthex_core::{
 /// Way-points of the tool in six dimensions, joined by quintic polynomials that begin and end at rest.
 ///
 /// Each way-point is a dict with `position` (3,), m, world. These keys are optional: `rotation` (3, 3); `wrench` (6,)
-/// that the tool shall exert; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
+/// that the tool shall exert; `force_axes` and `surface`, as those of `Setpoint`, which hold until the next way-point is
+/// reached; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
 /// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
@@ -94,7 +95,7 @@ pub(crate) fn calibration_flight(
 
 fn waypoint(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Waypoint> {
     let place = |key: &str| format!("waypoints[{index}][{key:?}]");
-    let known = ["position", "rotation", "wrench", "duration", "hold"];
+    let known = ["position", "rotation", "wrench", "force_axes", "surface", "duration", "hold"];
     for key in keys.keys() {
         let key: String = key.extract()?;
         if !known.contains(&key.as_str()) {
@@ -113,6 +114,10 @@ fn waypoint(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Waypoint> {
         rotation_we: get("rotation")?
             .map_or(Ok(Matrix3::identity()), |r| convert::rotation(&place("rotation"), &r))?,
         wrench_w: get("wrench")?.map_or(Ok(Wrench::ZERO), |w| convert::wrench(&place("wrench"), &w))?,
+        force_axes: chosen(
+            get("force_axes")?.map_or(Ok(Vec::new()), |names| names.extract())?,
+            get("surface")?.as_ref(),
+        )?,
         duration: seconds("duration")?,
         hold: seconds("hold")?,
     })

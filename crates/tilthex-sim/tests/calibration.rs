@@ -5,6 +5,7 @@ use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_core::{
     Vector3, Wrench,
     flight::Route,
+    force_axes::ForceAxes,
     plant::SensorParams,
     so3,
     trajectory::{Limits, Waypoint},
@@ -32,6 +33,7 @@ fn flown(calibration: &str, truth: &str, seed: u64, sensors: SensorParams, estim
         position_w: Vector3::new(0.12, 0.0, 1.0),
         rotation_we: so3::exp(&(axis * 15f64.to_radians())),
         wrench_w: Wrench::ZERO,
+        force_axes: ForceAxes::NONE,
         duration: 2.0,
         hold: 1000.0,
     };

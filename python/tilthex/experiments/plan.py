@@ -52,6 +52,7 @@ def trajectory_of(waypoints: Sequence[Waypoint], limits: Mapping[str, float]) ->
             "position": point.position,
             "rotation": point.rotation,
             "wrench": point.wrench,
+            "force_axes": list(point.force_axes),
             "duration": point.duration,
             "hold": point.hold,
         }

@@ -55,7 +55,7 @@ FILE_KEYS = {
     "short",
 }
 RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "wire", "run", "short"} | {"name"}
-WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench"}
+WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench", "force_axes"}
 CALIBRATIONS = ("none", "tilts")
 LIMIT_KEYS = {"velocity", "acceleration", "angular_velocity", "angular_acceleration"}
 SWING_KEYS = {"start", "end", "lowest_hz", "highest_hz", "translation", "rotation_deg"}
@@ -75,6 +75,8 @@ class Waypoint:
     duration: float
     hold: float
     wrench: tuple[float, ...]
+    force_axes: tuple[str, ...] = ()
+    """Axes of the tool along which the wrench is controlled instead of the pose, until the next is reached."""
 
     @property
     def rotation(self) -> Vector:
@@ -258,14 +260,15 @@ def _run(kind: str, table: Table) -> Run:
             f"[trajectory.swing] has no {', '.join(sorted(SWING_KEYS - swing.keys()))}; expected each"
         )
     waypoints = []
-    last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "duration": 0.0, "hold": 0.0, "wrench": (0.0,) * 6}
+    last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "wrench": (0.0,) * 6, "force_axes": ()}
     for item in trajectory.get("waypoint", []):
         _check_keys("[[trajectory.waypoint]]", item, WAYPOINT_KEYS)
-        # Pose, wrench and phase are those of the way-point before unless given; times are not.
+        # Pose, wrench, force axes and phase are those of the way-point before unless given; times are not.
         last = last | {"duration": 0.0, "hold": 0.0} | item
         if "position" not in last or "phase" not in last:
             raise ValueError("the first [[trajectory.waypoint]] needs `position` (3 numbers, m) and `phase`")
         tuples = {key: tuple(map(float, last[key])) for key in ("position", "rpy_deg", "wrench")}
+        tuples["force_axes"] = tuple(last["force_axes"])
         waypoints.append(Waypoint(last["phase"], duration=last["duration"], hold=last["hold"], **tuples))
     if not waypoints:
         raise ValueError("[trajectory] has no [[trajectory.waypoint]]; it needs at least one")

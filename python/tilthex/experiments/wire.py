@@ -133,6 +133,7 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
             "yaw_pitch_roll_deg": point.rpy_deg[::-1],
             "force": point.wrench[:3],
             "torque": point.wrench[3:],
+            "force_axes": list(point.force_axes),
             "duration": point.duration,
             "hold": point.hold,
         }

@@ -88,10 +88,11 @@ impl Orders {
                 Ok(Command::Follow(setpoint))
             }
             "set_wrench" => {
-                let wrench_w = take::<WrenchText>(rest)?.wrench();
+                let text = take::<WrenchText>(rest)?;
+                let (wrench_w, force_axes) = (text.wrench(), text.force_axes()?);
                 // Where the tool is turned to when it exerts it is not known here.
                 self.bounds.check_wrench(&Matrix3::identity(), &wrench_w)?;
-                Ok(Command::SetWrench(wrench_w))
+                Ok(Command::SetWrench(wrench_w, force_axes))
             }
             "set_admittance" => self.set_admittance(take(rest)?),
             _ => Err("no such command; expected take_off, play, follow, set_admittance, set_wrench, \
@@ -106,7 +107,7 @@ impl Orders {
         let (names_mass, names_damping) = (names("mass"), names("damping"));
         let section =
             section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
-        let params = section.params();
+        let params = section.params().map_err(|e| e.to_string())?;
         self.bounds.check_admittance(&params, names_mass, names_damping)?;
         let filter = AdmittanceFilter::new(params).map_err(|e: Error| e.to_string())?;
         self.admittance = section;
@@ -150,6 +151,7 @@ fn setpoint(text: &FollowText) -> Result<Setpoint, String> {
         acceleration_w: vector(&text.acceleration),
         angular_acceleration_w: vector(&text.angular_acceleration),
         wrench_w: text.wrench.wrench(),
+        force_axes: text.wrench.force_axes()?,
     };
     if setpoint.is_finite() { Ok(setpoint) } else { Err(not_finite()) }
 }

@@ -52,7 +52,7 @@ impl Geofence {
             Command::Follow(s) => {
                 self.check_pose("follow: the set-point", &s.position_w, &s.rotation_we, place)
             }
-            Command::SetWrench(wrench_w) => self.check_wrench(wrench_w, place),
+            Command::SetWrench(wrench_w, _) => self.check_wrench(wrench_w, place),
             _ => Ok(()),
         }
     }

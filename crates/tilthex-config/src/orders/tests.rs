@@ -26,6 +26,11 @@ fn what_the_vehicle_cannot_do_is_refused_with_the_number() {
         (r#"{"command": "set_wrench", "force": [0, 1000, 0]}"#.to_string(), "force"),
         (r#"{"command": "set_wrench", "force": [25, 0, 0]}"#.to_string(), "push so at its tool"),
         (r#"{"command": "set_wrench", "torque": [0, 0, 900]}"#.to_string(), "torque"),
+        (r#"{"command": "set_wrench", "force_axes": ["w"]}"#.to_string(), "expected any of x, y, z, rx, ry, rz"),
+        (
+            r#"{"command": "set_wrench", "force_axes": ["z"], "surface": [[1, 0, 0], [0, 1, 0], [0, 0, 2]]}"#.to_string(),
+            "surface",
+        ),
         (format!(r#"{{"command": "follow", {LEVEL}, "velocity": [0, 0, -100]}}"#), "velocity"),
         (format!(r#"{{"command": "follow", {LEVEL}, "acceleration": [50, 0, 0]}}"#), "acceleration"),
         (format!(r#"{{"command": "follow", {LEVEL}, "angular_velocity": [0, 0, 10]}}"#), "angular velocity"),
@@ -65,6 +70,10 @@ fn what_the_vehicle_can_do_is_taken() {
     for line in [
         r#"{"command": "set_wrench", "force": [3, 0, 2], "torque": [0.1, 0, 0]}"#.to_string(),
         r#"{"command": "set_wrench", "force": [0, 0, -7]}"#.to_string(),
+        r#"{"command": "set_wrench", "force": [0, 0, -7], "force_axes": ["z", "rx"]}"#.to_string(),
+        r#"{"command": "play", "waypoint": [{"position": [0, 0, 1], "force_axes": ["y"],
+            "surface": [[1, 0, 0], [0, 0, -1], [0, 1, 0]]}]}"#
+            .replace('\n', " "),
         format!(r#"{{"command": "follow", {LEVEL}, "velocity": [0.5, 0, 0], "wrench": {{"force": [2, 0, 0]}}}}"#),
         r#"{"command": "play", "waypoint": [{"position": [0, 0, 1], "yaw_pitch_roll_deg": [90, 8, 0]}]}"#.to_string(),
         r#"{"command": "set_admittance", "mass": [0.75, 0.75, 0.75, 0.01, 0.01, 0.02]}"#.to_string(),

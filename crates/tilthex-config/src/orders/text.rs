@@ -4,12 +4,13 @@ use serde::Deserialize;
 use tilthex_core::{
     Matrix3, Wrench,
     flight::Route,
+    force_axes::ForceAxes,
     so3,
     trajectory::{Limits, Waypoint},
 };
 
 /// Force (N) and torque (N m), world.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct WrenchText {
@@ -19,16 +20,39 @@ pub(super) struct WrenchText {
     /// N m, world.
     #[serde(default)]
     torque: [f64; 3],
+    /// Axes along which the wrench is controlled instead of the pose: of x, y, z (force) and rx, ry, rz (torque), those of
+    /// the tool.
+    #[serde(default)]
+    force_axes: Vec<String>,
+    /// Row by row; maps coordinates of a surface to world coordinates: then the axes are those of the surface.
+    surface: Option<[[f64; 3]; 3]>,
+}
+
+/// The axes of these names: the tool's, or those of a surface (row by row; maps its coordinates to world coordinates).
+fn force_axes(names: &[String], surface: Option<&[[f64; 3]; 3]>) -> Result<ForceAxes, String> {
+    let mut axes = ForceAxes { surface_ws: surface.map(matrix3), ..ForceAxes::NONE };
+    for name in names {
+        if !axes.choose(name) {
+            let known = ForceAxes::NAMES.join(", ");
+            return Err(format!("force_axes: found {name:?}, expected any of {known}"));
+        }
+    }
+    axes.check().map_err(|e| e.to_string())?;
+    Ok(axes)
 }
 
 impl WrenchText {
+    pub(super) fn force_axes(&self) -> Result<ForceAxes, String> {
+        force_axes(&self.force_axes, self.surface.as_ref())
+    }
+
     pub(super) fn wrench(&self) -> Wrench {
         Wrench { force: self.force.into(), torque: self.torque.into() }
     }
 }
 
 /// A way-point: where the tool is to be, and how. At most one form of orientation; level without any.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct WaypointText {
@@ -46,6 +70,12 @@ pub(super) struct WaypointText {
     /// N m, world.
     #[serde(default)]
     torque: [f64; 3],
+    /// Axes along which the wrench is controlled instead of the pose: of x, y, z (force) and rx, ry, rz (torque), those of
+    /// the tool.
+    #[serde(default)]
+    force_axes: Vec<String>,
+    /// Row by row; maps coordinates of a surface to world coordinates: then the axes are those of the surface.
+    surface: Option<[[f64; 3]; 3]>,
     /// Shortest time of the way here, s.
     #[serde(default)]
     duration: f64,
@@ -77,6 +107,7 @@ impl WaypointText {
             position_w: self.position.into(),
             rotation_we: self.rotation()?,
             wrench_w: Wrench { force: self.force.into(), torque: self.torque.into() },
+            force_axes: force_axes(&self.force_axes, self.surface.as_ref())?,
             duration: self.duration,
             hold: self.hold,
         })

@@ -57,8 +57,8 @@ pub(super) struct Motion<'a, B> {
     pub spring: &'a Spring,
     /// M^-1 (what_E + w_user).
     pub push: Vector6,
-    /// Of the set-point, rad/s, world.
-    pub setpoint_velocity_w: Vector3,
+    /// Angular velocity of the set-point, rad/s, in the axes of the matrices.
+    pub setpoint_velocity: Vector3,
 }
 
 impl<B: Block> Motion<'_, B> {
@@ -95,8 +95,8 @@ impl<B: Block> Motion<'_, B> {
         let strained = self.strained(&start);
         let (v, w) = halves(&start.twist_w);
         // d(R_r R_d^T)/dt = hat(omega_r - Q omega_d) Q, Q the deviation itself.
-        let turned_w = start.rotation * self.setpoint_velocity_w;
-        let turning = w + self.setpoint_velocity_w - turned_w;
+        let turned_w = start.rotation * self.setpoint_velocity;
+        let turning = w + self.setpoint_velocity - turned_w;
         let rates = (join(&v, &turning), self.acceleration(&start, &strained));
         let straight = p.constant.apply(&rates);
         // A spring that swings faster than the period shows is taken as straight within it.
@@ -110,7 +110,7 @@ impl<B: Block> Motion<'_, B> {
         state.rotation = so3::exp(&turn) * start.rotation;
         state.twist_w += gained;
         // Under a set-point that does not turn, the work is known well enough for every spring.
-        let swings = self.law.fastest * p.period > SWINGS && self.setpoint_velocity_w == Vector3::zeros();
+        let swings = self.law.fastest * p.period > SWINGS && self.setpoint_velocity == Vector3::zeros();
         if (swings || !p.shows_bend) && self.spring.has_potential() {
             let yielded = moved - (rates.0 - start.twist_w) * p.period;
             let work = self.law.mass.apply(&self.push).dot(&yielded)
@@ -158,7 +158,7 @@ impl<B: Block> Motion<'_, B> {
         let end = self.spring.at(&translation_w, &(step * start.rotation), B::COUPLED).wrench;
         let rest = end - strained.wrench - self.spring.linear(&moved, B::COUPLED);
         let kept_w = step * turned_w;
-        let turning_at_end = w + gained.fixed_rows::<3>(3) + self.setpoint_velocity_w - kept_w;
+        let turning_at_end = w + gained.fixed_rows::<3>(3) + self.setpoint_velocity - kept_w;
         // Inverse of the exponential's derivative; the rest is of fourth order in `turn`.
         let c = turn.cross(&turning_at_end);
         let turn_rate = turned_w - kept_w - 0.5 * c + turn.cross(&c) / 12.0;
@@ -171,7 +171,7 @@ impl<B: Block> Motion<'_, B> {
     /// On by a small part of a period, or back.
     fn taylor_step(&self, state: &mut AdmittanceState, dt: f64) {
         let (v, w) = halves(&state.twist_w);
-        let turning = w + self.setpoint_velocity_w - state.rotation * self.setpoint_velocity_w;
+        let turning = w + self.setpoint_velocity - state.rotation * self.setpoint_velocity;
         let acceleration = self.acceleration(state, &self.strained(state));
         let jerk =
             -self.law.damping_rate.apply(&acceleration) - self.law.stiffness_rate.apply(&join(&v, &turning));

@@ -21,6 +21,8 @@ pub struct ControllerState {
     pub admittance: AdmittanceState,
     /// How far a wrench set-point has carried the tool.
     pub free_wrench: FreeWrenchState,
+    /// Energy that the reference may put into what the tool touches, J: empty at the begin.
+    pub energy_tank: f64,
     /// Wrench (force and torque in R) observed in a contact-free hover: no contact.
     pub bias_r: Wrench,
     /// Its estimator, running while [`ControllerInput::learn_bias`] is set.
@@ -114,6 +116,8 @@ pub struct ControllerOutput {
     pub allocation: Allocation,
     /// Whether the admittance filter's excursion limit is active.
     pub excursion_limited: bool,
+    /// Level of the energy tank, J.
+    pub energy_tank: f64,
 }
 
 impl ControllerOutput {

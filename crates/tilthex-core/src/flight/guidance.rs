@@ -5,6 +5,7 @@ mod motions;
 use super::{io::Route, room::Room};
 use crate::{
     Vehicle,
+    force_axes::ForceAxes,
     model_learning::{Calibration, calibration_flight},
     so3,
     supervisor::{
@@ -79,7 +80,7 @@ pub(super) struct Guidance {
     followed: Setpoint,
     followed_age: f64,
     room: Room,
-    wrench_w: Option<Wrench>,
+    wrench_w: Option<(Wrench, ForceAxes)>,
     /// Whether a landing first moves away from what the tool touches.
     retreats: bool,
     sink: Sink,
@@ -214,6 +215,7 @@ impl Guidance {
             position_w: now.position_w,
             rotation_we: now.rotation_we,
             wrench_w: now.wrench_w,
+            force_axes: now.force_axes,
             duration: 0.0,
             hold: 0.0,
         };
@@ -232,7 +234,9 @@ impl Guidance {
     /// farther from the last one than the rates allow.
     pub(super) fn follow(&mut self, setpoint: &Setpoint) -> bool {
         let last = self.sample();
-        let sound = setpoint.is_finite() && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok();
+        let sound = setpoint.is_finite()
+            && so3::check_rotation("rotation", &setpoint.rotation_we).is_ok()
+            && setpoint.force_axes.check().is_ok();
         let good = sound && self.room.take(&last, setpoint);
         if good {
             self.followed = *setpoint;
@@ -242,8 +246,8 @@ impl Guidance {
         good
     }
 
-    /// The wrench to exert instead of the trajectory's.
-    pub(super) fn set_wrench(&mut self, wrench_w: Option<Wrench>) {
+    /// The wrench to exert instead of the trajectory's, and the axes along which it is controlled.
+    pub(super) fn set_wrench(&mut self, wrench_w: Option<(Wrench, ForceAxes)>) {
         self.wrench_w = wrench_w;
     }
 
@@ -345,8 +349,8 @@ impl Guidance {
             Stage::Follow => self.followed,
             _ => self.trajectory.sample(self.time),
         };
-        if let Some(wrench_w) = self.wrench_w {
-            setpoint.wrench_w = wrench_w;
+        if let Some((wrench_w, force_axes)) = self.wrench_w {
+            (setpoint.wrench_w, setpoint.force_axes) = (wrench_w, force_axes);
         }
         setpoint
     }
@@ -381,6 +385,7 @@ fn tool_waypoint(position_w: Vector3, rotation_wr: &Matrix3, tool: &Mounting) ->
         position_w: position_w + rotation_wr * tool.position_r,
         rotation_we: rotation_wr * tool.rotation_r,
         wrench_w: Wrench::ZERO,
+        force_axes: ForceAxes::NONE,
         duration: 0.0,
         hold: 0.0,
     }

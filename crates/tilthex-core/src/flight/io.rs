@@ -4,6 +4,7 @@ use super::{Telemetry, record::Record};
 use crate::{
     Error,
     admittance::AdmittanceFilter,
+    force_axes::ForceAxes,
     trajectory::{Limits, MAX_WAYPOINTS, Trajectory, Waypoint},
     types::{PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
@@ -78,8 +79,9 @@ pub enum Command {
     Follow(Setpoint),
     /// Use other admittance parameters from now on; the reference does not jump.
     SetAdmittance(AdmittanceFilter),
-    /// The wrench that the tool shall exert, instead of the trajectory's (world, at the tip).
-    SetWrench(Wrench),
+    /// The wrench that the tool shall exert, instead of the trajectory's (world, at the tip), and the axes along which it
+    /// is controlled instead of the pose.
+    SetWrench(Wrench, ForceAxes),
     /// Return to the wrench of the trajectory.
     ReleaseWrench,
     /// Learn the observer's bias from a contact-free hover, from now on for the configured time.

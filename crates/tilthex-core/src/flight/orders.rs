@@ -16,7 +16,7 @@ impl Flight {
                 }
             }
             Some(Command::ZeroBias) => self.zero_bias(),
-            Some(Command::SetWrench(wrench_w)) => self.guidance.set_wrench(Some(*wrench_w)),
+            Some(Command::SetWrench(wrench_w, axes)) => self.guidance.set_wrench(Some((*wrench_w, *axes))),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
             Some(Command::SetAdmittance(filter)) => {
                 self.controller.set_admittance(*filter);

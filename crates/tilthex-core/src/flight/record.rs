@@ -109,6 +109,8 @@ pub struct Record {
     pub given_up: Option<Priority>,
     /// Whether the admittance filter is at its excursion limit.
     pub excursion_limited: bool,
+    /// Level of the energy tank, J.
+    pub energy_tank: f64,
     /// Commanded rotor speeds, Hz.
     pub rotor_command: RotorVector,
     /// Measured rotor speeds, Hz.
@@ -171,6 +173,7 @@ impl Default for Record {
             saturated: false,
             given_up: None,
             excursion_limited: false,
+            energy_tank: 0.0,
             rotor_command: RotorVector::zeros(),
             rotor_speeds: RotorVector::zeros(),
             current: 0.0,
@@ -226,6 +229,7 @@ impl Flight {
             record.saturated = o.allocation.saturated;
             record.given_up = o.allocation.given_up;
             record.excursion_limited = o.excursion_limited;
+            record.energy_tank = o.energy_tank;
         }
         record.rotor_command = self.command;
         record.rotor_speeds = *rotor_speeds;

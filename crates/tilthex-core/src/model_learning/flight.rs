@@ -2,7 +2,9 @@
 
 use super::{SHORTEST, TILT};
 use crate::{
-    Error, Vehicle, so3,
+    Error, Vehicle,
+    force_axes::ForceAxes,
+    so3,
     trajectory::{Limits, Trajectory, Waypoint},
     types::{Matrix3, Vector3, Wrench},
     vehicle::inputs,
@@ -76,6 +78,7 @@ pub fn calibration_flight(
             position_w: centre_w + rotation_wr * tool.position_r,
             rotation_we: rotation_wr * tool.rotation_r,
             wrench_w: Wrench::ZERO,
+            force_axes: ForceAxes::NONE,
             duration: 0.0,
             hold,
         }

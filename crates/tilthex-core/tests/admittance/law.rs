@@ -4,7 +4,7 @@ use super::common::{vector, wrench};
 use proptest::prelude::*;
 use tilthex_core::{
     Matrix3, Matrix6, Setpoint, Vector3, Vector6, Wrench,
-    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState},
+    admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, Axes},
     so3,
 };
 
@@ -40,6 +40,7 @@ fn params() -> impl Strategy<Value = AdmittanceParams> {
             stiffness: coupled(k.0, k.1),
             max_translation: 100.0,
             max_rotation: 3.1,
+            axes: Axes::World,
         })
 }
 
@@ -187,7 +188,7 @@ proptest! {
             coupled([t, 0.8 * t, 0.7 * t, r, 0.8 * r, 0.7 * r], coupling)
         };
         let params = AdmittanceParams {
-            mass: six(m), damping: six(d), stiffness: six(k), max_translation: 100.0, max_rotation: 3.1,
+            mass: six(m), damping: six(d), stiffness: six(k), max_translation: 100.0, max_rotation: 3.1, axes: Axes::World,
         };
         let filter = AdmittanceFilter::new(params);
         prop_assume!(filter.is_ok());

@@ -149,7 +149,7 @@ fn place(latest: &Latest) -> Option<Place> {
 /// Whether somebody must stay there who has ordered this.
 fn moves(command: &Command) -> bool {
     match command {
-        Command::TakeOff | Command::Play(_) | Command::Follow(_) | Command::SetWrench(_) => true,
+        Command::TakeOff | Command::Play(_) | Command::Follow(_) | Command::SetWrench(..) => true,
         Command::SetAdmittance(_) | Command::ReleaseWrench | Command::ZeroBias => false,
     }
 }

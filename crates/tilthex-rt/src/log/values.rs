@@ -115,6 +115,7 @@ const CONTROL: Message<Tick> = Message {
         field(4, "saturated", "", "saturated", "Whether a rotor is at a limit.", Flag(|t| t.record.saturated)),
         field(5, "excursion_limited", "", "", "Whether the admittance filter is at its excursion limit.", Flag(|t| t.record.excursion_limited)),
         field(6, "given_up", "", "given_up", "The most important part of the wanted wrench that the rotors do not produce; none if they produce all of it.", Part(|t| t.record.given_up)),
+        field(7, "energy_tank", "J", "energy_tank", "Energy that the reference may still put into what the tool touches.", Number(|t| t.record.energy_tank)),
     ],
 };
 

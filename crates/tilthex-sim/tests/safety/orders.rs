@@ -4,6 +4,7 @@ use crate::world::World;
 use tilthex_core::{
     Matrix3, Setpoint, Vector3, Wrench,
     flight::{Command, Route},
+    force_axes::ForceAxes,
     supervisor::{Fault, Phase},
     trajectory::{Limits, Waypoint},
 };
@@ -16,6 +17,7 @@ fn route(position_w: Vector3) -> Route {
         position_w,
         rotation_we: Matrix3::identity(),
         wrench_w: Wrench::ZERO,
+        force_axes: ForceAxes::NONE,
         duration: 0.0,
         hold: 0.0,
     };
@@ -40,7 +42,7 @@ fn a_wrench_that_meets_nothing_is_slow_and_ends() {
             let before = world.simulation.truth().tool_position_w;
             world.fastest = 0.0;
             let wrench = Wrench { force: Vector3::new(0.0, force, 0.0), torque: Vector3::zeros() };
-            world.tick(Some(&Command::SetWrench(wrench)));
+            world.tick(Some(&Command::SetWrench(wrench, ForceAxes::NONE)));
             world.run(8.0);
             let went = (world.simulation.truth().tool_position_w - before).norm();
             assert!(world.fastest < speed + 0.08, "{force} N: {:.2} m/s", world.fastest);
@@ -60,7 +62,7 @@ fn a_wrench_against_a_wall_is_exerted() {
         let depth = world.simulation.truth().tool_position_w.y - wall;
         let force = (500.0 * depth).max(0.0);
         world.push(Vector3::new(0.0, -force, 0.0), tool);
-        world.tick((k == 0).then_some(&Command::SetWrench(wrench)));
+        world.tick((k == 0).then_some(&Command::SetWrench(wrench, ForceAxes::NONE)));
         if k > 5000 {
             (sum, count) = (sum + force, count + 1.0);
         }
