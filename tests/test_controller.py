@@ -290,7 +290,8 @@ def test_force_axes_press_with_the_commanded_force(
     """Along the normal of a surface the filter balances the wall's force, however deep the set-point lies."""
     surface = tilthex.so3.exp(np.array(turn))
     normal = surface[:, 2]
-    config = tilthex.Config.from_toml('vehicle = "tilt-hex"\nadmittance = { damping = [60, 60, 60, 4, 4, 4] }')
+    soft = {"damping": [60.0, 60.0, 60.0, 4.0, 4.0, 4.0]}
+    config = tilthex.Config.default(TILT_HEX).replace(admittance=soft)
     admittance = tilthex.AdmittanceFilter(config)
     setpoint = tilthex.Setpoint(
         -depth * normal,

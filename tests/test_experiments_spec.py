@@ -84,7 +84,9 @@ def test_an_own_experiment_is_judged_by_the_module_beside_it(tmp_path: Path) -> 
 
 
 def test_an_unknown_name_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="chirp, multi-contact, peg-in-hole, pressing, shaping, sliding, all"):
+    with pytest.raises(
+        ValueError, match="chirp, multi-contact, peg-in-hole, pressing, shaping, sliding, all"
+    ):
         spec.load("slidign")
 
 

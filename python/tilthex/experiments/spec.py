@@ -76,7 +76,7 @@ class Waypoint:
     hold: float
     wrench: tuple[float, ...]
     force_axes: tuple[str, ...] = ()
-    """Axes of the tool along which the wrench is controlled instead of the pose, until the next is reached."""
+    """Axes of the tool along which the wrench is controlled instead of the pose, until the next point."""
 
     @property
     def rotation(self) -> Vector:
@@ -268,8 +268,8 @@ def _run(kind: str, table: Table) -> Run:
         if "position" not in last or "phase" not in last:
             raise ValueError("the first [[trajectory.waypoint]] needs `position` (3 numbers, m) and `phase`")
         tuples = {key: tuple(map(float, last[key])) for key in ("position", "rpy_deg", "wrench")}
-        tuples["force_axes"] = tuple(last["force_axes"])
-        waypoints.append(Waypoint(last["phase"], duration=last["duration"], hold=last["hold"], **tuples))
+        times: dict[str, Any] = {key: last[key] for key in ("duration", "hold")}
+        waypoints.append(Waypoint(last["phase"], force_axes=tuple(last["force_axes"]), **times | tuples))
     if not waypoints:
         raise ValueError("[trajectory] has no [[trajectory.waypoint]]; it needs at least one")
     calibration = table.get("calibration", "none")

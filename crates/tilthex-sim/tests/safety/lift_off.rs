@@ -142,7 +142,7 @@ fn poses_with_a_latency_that_nobody_told_of_end_gently() {
         assert!(world.stopped_at.is_some_and(|height| height < 0.36), "{what}");
     }
     let remark = TABLE[Fault::PoseContradicts as usize].remark.to_string();
-    assert!(remark.contains("how late its poses are"), "{remark}");
+    assert!(remark.contains("the latency of its poses"), "{remark}");
 }
 
 /// With its propeller on it: it presses down where it should lift.
