@@ -73,9 +73,8 @@ def test_what_cannot_be_converted_is_one_sentence(tmp_path, capsys, path):
     (tmp_path / "there").mkdir()
     assert command.main(["convert", str(path), "--to", "csv", "--out", str(tmp_path / "there")]) == 2
     assert "there exists; remove it, or name another folder with --out" in capsys.readouterr().err
-    with pytest.raises(
-        ValueError, match="cannot be converted to 'xml'; expected one of csv, parquet, rosbag2"
-    ):
+    expected = "expected one of csv, foxglove, parquet, rerun, rosbag2"
+    with pytest.raises(ValueError, match=f"cannot be converted to 'xml'; {expected}"):
         convert.convert(path, "xml", tmp_path / "new")
 
 

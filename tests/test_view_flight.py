@@ -36,7 +36,7 @@ def path(tmp_path_factory, flight):
 
 @pytest.fixture(scope="module")
 def flown(path):
-    return Flown(path)
+    return Flown(log.Log(path))
 
 
 def test_a_moment_is_what_the_log_has(path, flown):
@@ -151,6 +151,7 @@ def test_a_flight_is_steered_in_a_browser(served, tmp_path):
         until(lambda: np.allclose(page.pilot.newest.setpoint.position, goal, atol=1e-3))
         tab.click("hold")
         if os.environ.get("TILTHEX_WRITE_DOCS"):
+            tab.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())")
             time.sleep(20.0)
             tab.picture(Path(__file__).parent.parent / "docs" / "images" / "view.png")
         # Nobody looks any more, and somebody does again.

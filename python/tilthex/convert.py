@@ -3,7 +3,8 @@
 `csv` and `parquet` have one file for each topic of the log, with the columns of `tilthex.log.read`. A column
 of several numbers becomes one column for each number: `position_w.0`, `position_w.1`, `position_w.2`.
 `rosbag2` has the flight in the standard messages of ROS 2, with the axes of REP 103 (world z up, robot x
-forward and y left) and the frames of REP 105.
+forward and y left) and the frames of REP 105. `foxglove` has the log with poses and a scene beside its own
+channels, and a layout that shows them; `rerun` has the flight as a recording of Rerun.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tilthex import _foxglove, _rerun
 from tilthex._logged import TOPICS
 from tilthex.log import Columns, Log
 from tilthex.readers.messages import ros_types
@@ -30,7 +32,7 @@ def add_parser(subparsers: Any) -> None:
     """Registers the command with the parsers of `tilthex`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "convert",
-        help="write a log for other programs: CSV, Parquet or a bag of ROS 2",
+        help="write a log for other programs: CSV, Parquet, Foxglove, Rerun or a bag of ROS 2",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -52,7 +54,7 @@ def convert(path: str | Path, to: str, out: str | Path) -> None:
 
     Args:
         path: A log of tilthex-rt. A log that breaks off is converted up to its last record.
-        to: "csv", "parquet" or "rosbag2".
+        to: "csv", "foxglove", "parquet", "rerun" or "rosbag2".
         out: The folder; it must not exist.
 
     Raises:
@@ -213,5 +215,11 @@ class RosMessages:
         return self._make("geometry_msgs/msg/Pose", position, self._quaternion(row["orientation"]))
 
 
-WRITERS: dict[str, Callable[[Log, Path], None]] = {"csv": _csv, "parquet": _parquet, "rosbag2": _rosbag2}
+WRITERS: dict[str, Callable[[Log, Path], None]] = {
+    "csv": _csv,
+    "foxglove": _foxglove.write,
+    "parquet": _parquet,
+    "rerun": _rerun.write,
+    "rosbag2": _rosbag2,
+}
 """The function that writes each format."""

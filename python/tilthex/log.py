@@ -125,6 +125,24 @@ class Log:
         except DecodeError as error:
             raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
 
+    @property
+    def attachments(self) -> dict[str, bytes]:
+        """The attached files, by their names."""
+        return self._log.attachments
+
+    @property
+    def channels(self) -> dict[int, tuple[str, str, tuple[str, str, bytes]]]:
+        """Topic, encoding and schema (name, encoding, data) of each channel, as MCAP stores them."""
+        return {
+            number: (channel.topic, channel.encoding, channel.schema)
+            for number, channel in self._log.channels.items()
+        }
+
+    def raw(self) -> Iterator[tuple[int, int, bytes]]:
+        """Log time, ns, channel and bytes of every message, in the order of the file."""
+        for number, time, data in self._log.messages(self._log.channels):
+            yield time, number, data
+
     def columns(self, topic: str) -> Columns:
         """The messages of a topic as columns, see `read`."""
         times, messages = [], []

@@ -11,6 +11,7 @@ from tilthex import log
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+OUT = "picture to write: .png, or .pdf or .svg for vector graphics (default: LOG with .png instead of .mcap)"
 TOPICS = ("/setpoint", "/reference", "/state", "/wrench", "/rotors", "/control", "/flight")
 
 
@@ -20,13 +21,18 @@ def add_parser(commands: Any) -> None:
         "plot", help="draw a flight's log", description=__doc__
     )
     parser.add_argument("log", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
-    parser.add_argument("--out", type=Path, help="picture to write (default: LOG with .png instead of .mcap)")
+    parser.add_argument("--out", type=Path, help=OUT)
     parser.set_defaults(run=_run)
 
 
 def _run(arguments: argparse.Namespace) -> None:
     out = arguments.out or arguments.log.with_suffix(".png")
-    figure(arguments.log).savefig(out, dpi=120)
+    drawn = figure(arguments.log)
+    import matplotlib
+
+    # Letters stay letters, which can be searched and changed.
+    with matplotlib.rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):
+        drawn.savefig(out, dpi=120)
     print(out)
 
 

@@ -95,10 +95,11 @@ def _prepare(
 ) -> Callable[[viser.ViserServer], Callable[[threading.Event], None]]:
     """Reads or starts what is shown; what makes its page, and then shows it until it is told to end."""
     if arguments.log is not None:
+        from tilthex.log import Log
         from tilthex.view.replay import Replay
         from tilthex.view.sample import Flown
 
-        flown = Flown(arguments.log)
+        flown = Flown(Log(arguments.log))
         return lambda server: Replay(server, flown, arguments.log.name).run
     from tilthex.view.live import Live
 

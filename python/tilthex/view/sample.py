@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,13 +88,11 @@ class Flown:
     Attributes:
         config: What was flown with.
         times: (N,), s since the log's begin.
-        missing: What is missing of a log that breaks off, or None.
+        stamps: The same, ns since 1970.
     """
 
-    def __init__(self, path: str | Path) -> None:
-        log = Log(path)
+    def __init__(self, log: Log) -> None:
         self.config = Config.from_text(log.configuration)
-        self.missing = log.missing
         columns = {topic: log.columns(topic) for topic in TOPICS}
         # A log that breaks off may lack the last messages of some topics.
         rows = min(len(column["log_time"]) for column in columns.values())
@@ -105,8 +102,9 @@ class Flown:
         }
         # 64 bits, which a column of floating-point numbers does not hold.
         self._faults = [message.faults for _, message in log.messages("/flight")][:rows]
-        begin = self._columns["/flight"]["log_time"]
-        self.times: Array = begin - begin[0]
+        stamps = self._columns["/flight"]["log_time"]
+        self.times: Array = stamps - stamps[0]
+        self.stamps = [round(1e9 * float(stamp)) for stamp in stamps]
         self._rotations = {
             topic: rotations_from_quaternions(self._columns[topic]["orientation"])
             for topic in ("/state", "/setpoint", "/reference")

@@ -9,6 +9,7 @@ import viser.transforms as vtf
 from numpy.typing import NDArray
 
 from tilthex.view.geometry import Cylinder, Reach, cylinders
+from tilthex.view.looks import FORCE, FORCE_LENGTH, TORQUE, TORQUE_LENGTH
 from tilthex.view.sample import Pose, Sample, tool_pose
 
 if TYPE_CHECKING:
@@ -19,15 +20,11 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Points = NDArray[np.float32]
 
-FORCE_LENGTH = 0.1
-"""Length of the arrow of a force, m/N."""
-TORQUE_LENGTH = 0.3
-"""Length of the arrow of a torque, m/(N m)."""
 THRUST_LENGTH = 0.02
 """Length of the arrow of a thrust, m/N."""
 REACH_LENGTH = 0.02
 """Length of an attainable force, m/N."""
-FORCE, TORQUE, THRUST = (220, 60, 40), (150, 60, 200), (40, 140, 60)
+THRUST = (40, 140, 60)
 CALM, FULL = np.array([51, 128, 204]), np.array([230, 50, 30])
 
 
