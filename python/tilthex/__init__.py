@@ -35,7 +35,7 @@ from tilthex._core import (
     calibration_flight,
 )
 from tilthex.client import Flight, OrderRefused, connect
-from tilthex.simulation import Run, simulate
+from tilthex.simulation import Run, Runs, simulate, simulate_many
 
 __all__ = [
     "GRAVITY",
@@ -56,6 +56,7 @@ __all__ = [
     "PoseController",
     "Reference",
     "Run",
+    "Runs",
     "SensorErrors",
     "Setpoint",
     "Trajectory",
@@ -68,5 +69,6 @@ __all__ = [
     "calibration_flight",
     "connect",
     "simulate",
+    "simulate_many",
     "so3",
 ]

@@ -1,7 +1,7 @@
 """Types of the compiled module."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, final
 
 import numpy as np
@@ -42,6 +42,7 @@ __all__ = [
     "question_units",
     "read_imu",
     "simulate",
+    "simulate_many",
     "vee",
 ]
 
@@ -60,20 +61,19 @@ def read_imu(config: Config, times: Sequence[float], chunks: Sequence[bytes]) ->
 def calibration_flight(vehicle: Vehicle, position: ArrayLike, heading: float = 0.0) -> Trajectory: ...
 def simulate(
     config: Config,
-    *,
-    duration: float,
-    setpoint: Setpoint | None = None,
-    trajectory: Trajectory | None = None,
-    pushes: Sequence[dict[str, Any]] | None = None,
-    noise: float = 1.0,
-    gyro_bias: ArrayLike | None = None,
-    accelerometer_bias: ArrayLike | None = None,
-    seed: int = 0,
-    estimator: bool = True,
-    pose_delay: float = 0.015,
-    start: str = "air",
-    truth: Truth | str | os.PathLike[str] | dict[str, Any] | None = None,
+    truth: Truth | str | os.PathLike[str] | dict[str, Any] | None,
+    seed: int,
+    flight: dict[str, Any],
 ) -> dict[str, _Array]: ...
+def simulate_many(
+    configs: Sequence[Config],
+    truths: Sequence[Truth | str | os.PathLike[str] | dict[str, Any] | None],
+    seeds: Sequence[int],
+    flight: dict[str, Any],
+    record: Sequence[str],
+    workers: int | None,
+    progress: Callable[[int], object] | None,
+) -> tuple[dict[str, _Array], dict[str, _Array]]: ...
 
 @final
 class Vehicle:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
+import operator
 import os
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,6 +23,10 @@ TRUTH_HELP = (
     "cad, outdoors, or a TOML file with a [truth] table"
 )
 """The help text of the option `--truth`."""
+
+
+Truth = _core.Truth | str | os.PathLike[str] | dict[str, Any] | None
+"""How a true vehicle differs from the controller's: `simulate` says what each form means."""
 
 
 class Run(dict[str, NDArray[np.float64]]):
@@ -66,7 +73,7 @@ def simulate(
     estimator: bool = True,
     pose_delay: float = 0.015,
     start: str = "air",
-    truth: _core.Truth | str | os.PathLike[str] | dict[str, Any] | None = None,
+    truth: Truth = None,
 ) -> Run:
     """Flies the flight of `tilthex-rt` on the simulated vehicle, in Rust and without the GIL.
 
@@ -92,20 +99,113 @@ def simulate(
             level ("exact", "measured", "cad", "outdoors"), a TOML file with a `[truth]` table, or its
             keys. The vehicle is drawn with `seed`; `Truth(config.vehicle, truth).draw(seed)` returns it.
     """
-    return Run(
-        _core.simulate(
-            config,
-            duration=duration,
-            setpoint=setpoint,
-            trajectory=trajectory,
-            pushes=list(pushes),
-            noise=noise,
-            gyro_bias=gyro_bias,
-            accelerometer_bias=accelerometer_bias,
-            seed=seed,
-            estimator=estimator,
-            pose_delay=pose_delay,
-            start=start,
-            truth=truth,
-        )
+    flight = {
+        "duration": duration,
+        "setpoint": setpoint,
+        "trajectory": trajectory,
+        "pushes": list(pushes),
+        "noise": noise,
+        "gyro_bias": gyro_bias,
+        "accelerometer_bias": accelerometer_bias,
+        "estimator": estimator,
+        "pose_delay": pose_delay,
+        "start": start,
+    }
+    return Run(_core.simulate(config, truth, seed, flight))
+
+
+_COMMON = {
+    name: parameter.default
+    for name, parameter in inspect.signature(simulate).parameters.items()
+    if name not in ("config", "seed", "truth")
+}
+"""The arguments that the flights of `simulate_many` have in common, and their defaults."""
+
+
+class Runs(dict[str, NDArray[np.float64]]):
+    """What many flights came to: one row a flight, (N,) a figure.
+
+    `seed`; `position_error_rms` and `position_error_largest`, m, of the pose controller;
+    `rotation_error_largest`; `tool_deviation_largest`, m, of the true tool from its set-point;
+    `tool_force_largest`, N, true; `tilt_largest`, rad, of the true robot; `saturated`, the part of the
+    ticks in which a rotor was at a limit; `phase` at the end, as in `Run`.
+    """
+
+    record: dict[str, NDArray[np.float64]]
+    """The recorded columns, (N, rows, k), named as in `Run`."""
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """A table with one row a flight. Needs pandas."""
+        import pandas as pd
+
+        return pd.DataFrame(dict(self))
+
+
+def simulate_many(
+    configs: _core.Config | Sequence[_core.Config],
+    truths: Truth | Sequence[Truth] = None,
+    seeds: int | Sequence[int] = 0,
+    *,
+    record: Sequence[str] = (),
+    workers: int | None = None,
+    progress: bool | Callable[[int, int], object] = False,
+    **flight: Any,
+) -> Runs:
+    """Flies many flights in parallel, in Rust and without the GIL; each is the one that `simulate` flies.
+
+    Args:
+        configs: A configuration, or one a flight.
+        truths: A truth as `simulate` takes it, or a sequence with one a flight.
+        seeds: A seed, or one a flight: `range(100)` flies a hundred. Sequences have equal lengths.
+        record: The columns of `Run` that are kept for every flight.
+        workers: How many flights at once; as many as there are processors unless given.
+        progress: True for a bar on the terminal, or a function of how many flights have ended and of their
+            number.
+        **flight: The other arguments of `simulate`, the same for all flights.
+
+    Raises:
+        ValueError: The sequences have different lengths, or a flight is refused; the sentence says which.
+    """
+    if unknown := flight.keys() - set(_COMMON):
+        found, known = ", ".join(sorted(unknown)), ", ".join(_COMMON)
+        raise TypeError(f"simulate_many got {found}; expected any of {known}")
+    if "duration" not in flight:
+        raise TypeError("simulate_many got no duration; expected a number of seconds")
+    given: dict[str, Any] = {"configs": configs, "truths": truths, "seeds": seeds}
+    several = {name: list(value) for name, value in given.items() if _is_several(value)}
+    if len({len(value) for value in several.values()}) > 1:
+        found = ", ".join(f"{len(value)} {name}" for name, value in several.items())
+        raise ValueError(f"found {found}; expected equally many, or one for all flights")
+    count = next((len(value) for value in several.values()), 1)
+    rows = {name: several.get(name, [value] * count) for name, value in given.items()}
+    figures, columns = _core.simulate_many(
+        rows["configs"],
+        rows["truths"],
+        [operator.index(seed) for seed in rows["seeds"]],
+        _COMMON | flight | {"pushes": list(flight.get("pushes", ()))},
+        list(record),
+        workers,
+        _told(progress, count),
     )
+    runs = Runs({"seed": np.array(rows["seeds"], float)} | figures)
+    runs.record = columns
+    return runs
+
+
+def _is_several(value: Any) -> bool:
+    return isinstance(value, Sequence | np.ndarray) and not isinstance(value, str)
+
+
+def _told(progress: bool | Callable[[int, int], object], count: int) -> Callable[[int], object] | None:
+    """What is called with the number of flights that have ended."""
+    if callable(progress):
+        return lambda ended: progress(ended, count)
+    if not progress:
+        return None
+
+    def bar(ended: int) -> None:
+        full = 40 * ended // max(count, 1)
+        end = "\n" if ended == count else ""
+        print(f"\r[{'#' * full}{'.' * (40 - full)}] {ended} of {count} flights", end=end, file=sys.stderr)
+
+    return bar

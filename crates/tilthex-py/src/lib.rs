@@ -25,6 +25,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("GRAVITY", tilthex_core::GRAVITY)?;
     so3::register(module)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
     module.add_class::<blocks::AdmittanceFilter>()?;
     module.add_class::<blocks::Allocation>()?;
     module.add_class::<blocks::Allocator>()?;

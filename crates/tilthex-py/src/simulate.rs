@@ -1,83 +1,179 @@
-//! `tilthex._core.simulate`: a closed loop, simulated with the GIL released.
+//! `tilthex._core.simulate` and `simulate_many`: closed loops, simulated with the GIL released.
 
 use crate::{config::Config, convert, setpoint::Setpoint, trajectory::Trajectory, truth};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::{num::NonZeroUsize, ops::ControlFlow, thread};
+use tilthex_config::{Config as Checked, TruthSection};
 use tilthex_core::{Vector3, flight::Route, plant::SensorParams};
 use tilthex_sim::{
     pushes::{Push, Pushes},
-    simulate::{Scenario, Start, run},
+    simulate::{NAMES, Outcome, Record, Scenario, Start, Summary, run, run_many},
 };
 
-/// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`. Returns a dict of (N, k)
-/// arrays, one row per control period of 2 ms.
-#[pyfunction]
-#[pyo3(signature = (
-    config, *, duration, setpoint=None, trajectory=None, pushes=None, noise=1.0, gyro_bias=None,
-    accelerometer_bias=None, seed=0, estimator=true, pose_delay=0.015, start="air",
-    truth=None
-))]
-#[expect(clippy::too_many_arguments, reason = "keyword arguments in Python")]
-pub(crate) fn simulate<'py>(
-    py: Python<'py>,
-    config: &Config,
+type Columns<'py> = Bound<'py, PyDict>;
+
+/// What flights with different configurations, truths and seeds have in common: the arguments of `tilthex.simulate`.
+#[derive(FromPyObject)]
+#[pyo3(from_item_all)]
+pub(crate) struct Common<'py> {
     duration: f64,
     setpoint: Option<Setpoint>,
     trajectory: Option<Trajectory>,
-    pushes: Option<Vec<Bound<'py, PyDict>>>,
+    pushes: Vec<Bound<'py, PyDict>>,
     noise: f64,
-    gyro_bias: Option<&Bound<'py, PyAny>>,
-    accelerometer_bias: Option<&Bound<'py, PyAny>>,
-    seed: u64,
+    gyro_bias: Option<Bound<'py, PyAny>>,
+    accelerometer_bias: Option<Bound<'py, PyAny>>,
     estimator: bool,
     pose_delay: f64,
-    start: &str,
-    truth: Option<&Bound<'py, PyAny>>,
-) -> PyResult<Bound<'py, PyDict>> {
-    let trajectory = match (setpoint, trajectory) {
-        (Some(Setpoint(s)), None) => tilthex_core::trajectory::Trajectory::hold(s.position_w, s.rotation_we),
-        (None, Some(Trajectory(t))) => t,
-        _ => {
-            return Err(PyValueError::new_err(
-                "setpoint and trajectory are both given or both missing; expected exactly one of them",
-            ));
-        }
-    };
-    let start = match start {
-        "air" => Start::Air(trajectory),
-        "ground" => {
-            let limits = config.checked.mission().limits();
-            Start::Ground(Some(Route::of(&trajectory, &limits).map_err(convert::value_error)?))
-        }
-        other => {
-            return Err(PyValueError::new_err(format!(
-                "start is \"{other}\"; expected \"air\" or \"ground\""
-            )));
-        }
-    };
-    let pushes = pushes.unwrap_or_default();
-    let pushes = pushes.iter().enumerate().map(|(i, p)| push(i, p));
-    let scenario = Scenario {
-        config: &config.checked,
-        start,
-        pushes: Pushes::new(pushes.collect::<PyResult<_>>()?),
-        truth: truth::section(truth)?,
-        duration: convert::number("duration", duration, 0.0, 1e5)?,
-        sensors: sensors(convert::number("noise", noise, 0.0, 1e3)?, gyro_bias, accelerometer_bias)?,
-        seed,
-        estimate: estimator,
-        pose_delay: convert::number("pose_delay", pose_delay, 0.0, 0.25)?,
-    };
-    let record = py.detach(|| run(&scenario)).map_err(convert::config_error)?;
-    let columns = PyDict::new(py);
-    for column in record.columns() {
-        let rows = column.values.len() / column.width;
-        let array = PyArray1::from_slice(py, &column.values).reshape([rows, column.width])?;
-        columns.set_item(column.name, array)?;
+    start: String,
+}
+
+impl Common<'_> {
+    fn scenario<'c>(&self, config: &'c Checked, truth: TruthSection, seed: u64) -> PyResult<Scenario<'c>> {
+        let trajectory = match (self.setpoint, self.trajectory) {
+            (Some(Setpoint(s)), None) => {
+                tilthex_core::trajectory::Trajectory::hold(s.position_w, s.rotation_we)
+            }
+            (None, Some(Trajectory(t))) => t,
+            _ => {
+                return Err(PyValueError::new_err(
+                    "setpoint and trajectory are both given or both missing; expected exactly one of them",
+                ));
+            }
+        };
+        let start = match self.start.as_str() {
+            "air" => Start::Air(trajectory),
+            "ground" => {
+                let limits = config.mission().limits();
+                Start::Ground(Some(Route::of(&trajectory, &limits).map_err(convert::value_error)?))
+            }
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "start is \"{other}\"; expected \"air\" or \"ground\""
+                )));
+            }
+        };
+        let pushes = self.pushes.iter().enumerate().map(|(i, p)| push(i, p));
+        let (gyro, accelerometer) = (self.gyro_bias.as_ref(), self.accelerometer_bias.as_ref());
+        Ok(Scenario {
+            config,
+            start,
+            pushes: Pushes::new(pushes.collect::<PyResult<_>>()?),
+            truth,
+            duration: convert::number("duration", self.duration, 0.0, 1e5)?,
+            sensors: sensors(convert::number("noise", self.noise, 0.0, 1e3)?, gyro, accelerometer)?,
+            seed,
+            estimate: self.estimator,
+            pose_delay: convert::number("pose_delay", self.pose_delay, 0.0, 0.25)?,
+        })
     }
-    Ok(columns)
+}
+
+/// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`. `flight` has the other arguments
+/// of `tilthex.simulate`. Returns a dict of (N, k) arrays, one row per control period of 2 ms.
+#[pyfunction]
+pub(crate) fn simulate<'py>(
+    py: Python<'py>,
+    config: &Config,
+    truth: Option<&Bound<'py, PyAny>>,
+    seed: u64,
+    flight: Common<'py>,
+) -> PyResult<Columns<'py>> {
+    let scenario = flight.scenario(&config.checked, truth::section(truth)?, seed)?;
+    let record = py.detach(|| run(&scenario)).map_err(convert::config_error)?;
+    columns(py, &[&record], false)
+}
+
+/// Simulates many flights, in `workers` threads: one for each of `configs`, `truths` and `seeds`, which have equal lengths.
+/// `progress` is called with the number of flights that have ended. Returns two dicts: the figures of the flights, (N,)
+/// each, and the columns of `record`, (N, rows, k) each.
+#[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "called by tilthex.simulate_many alone")]
+pub(crate) fn simulate_many<'py>(
+    py: Python<'py>,
+    configs: Vec<PyRef<'py, Config>>,
+    truths: Vec<Option<Bound<'py, PyAny>>>,
+    seeds: Vec<u64>,
+    flight: Common<'py>,
+    record: Vec<String>,
+    workers: Option<usize>,
+    progress: Option<Bound<'py, PyAny>>,
+) -> PyResult<(Columns<'py>, Columns<'py>)> {
+    if let Some(unknown) = record.iter().find(|name| !NAMES.contains(&name.as_str())) {
+        let known = NAMES.join(", ");
+        return Err(PyValueError::new_err(format!("record has {unknown:?}; expected any of {known}")));
+    }
+    let configs: Vec<Checked> = configs.iter().map(|config| config.checked.clone()).collect();
+    let scenarios = configs.iter().zip(&truths).zip(&seeds);
+    let scenarios = scenarios
+        .map(|((config, truth), seed)| flight.scenario(config, truth::section(truth.as_ref())?, *seed));
+    let scenarios = scenarios.collect::<PyResult<Vec<_>>>()?;
+    let processors = thread::available_parallelism().map_or(1, NonZeroUsize::get);
+    let progress = progress.map(Bound::unbind);
+    let mut raised = None;
+    let flown = py.detach(|| {
+        run_many(&scenarios, &record, workers.unwrap_or(processors), |ended| {
+            let told = Python::attach(|py| {
+                py.check_signals()?;
+                progress.as_ref().map_or(Ok(()), |call| call.call1(py, (ended,)).map(drop))
+            });
+            told.map_or_else(
+                |error| {
+                    raised = Some(error);
+                    ControlFlow::Break(())
+                },
+                ControlFlow::Continue,
+            )
+        })
+    });
+    if let Some(error) = raised {
+        return Err(error);
+    }
+    let flown = flown.map_err(|(number, why)| PyValueError::new_err(format!("flight {number}: {why}")))?;
+    let flown = flown.unwrap_or_default();
+    let records: Vec<&Record> = flown.iter().map(|outcome| &outcome.record).collect();
+    Ok((figures(py, &flown)?, columns(py, &records, true)?))
+}
+
+/// The figures of many flights, a column each.
+fn figures<'py>(py: Python<'py>, flown: &[Outcome]) -> PyResult<Columns<'py>> {
+    type Figure = fn(&Summary) -> f64;
+    let figures: [(&str, Figure); 8] = [
+        ("position_error_rms", |s| s.position_error.0),
+        ("position_error_largest", |s| s.position_error.1),
+        ("rotation_error_largest", |s| s.rotation_error),
+        ("tool_deviation_largest", |s| s.tool_deviation),
+        ("tool_force_largest", |s| s.tool_force),
+        ("tilt_largest", |s| s.tilt),
+        ("saturated", |s| s.saturated),
+        ("phase", |s| f64::from(s.phase as u8)),
+    ];
+    let dict = PyDict::new(py);
+    for (name, of) in figures {
+        dict.set_item(name, PyArray1::from_iter(py, flown.iter().map(|outcome| of(&outcome.summary))))?;
+    }
+    Ok(dict)
+}
+
+/// The columns of records of equal length: (N, rows, k) where they are stacked, otherwise (rows, k) of the only record.
+fn columns<'py>(py: Python<'py>, records: &[&Record], stacked: bool) -> PyResult<Columns<'py>> {
+    let dict = PyDict::new(py);
+    let Some(first) = records.first() else { return Ok(dict) };
+    for (number, column) in first.columns().iter().enumerate() {
+        let rows = column.values.len() / column.width;
+        let same = records.iter().filter_map(|record| record.columns().get(number));
+        let values: Vec<f64> = same.flat_map(|column| column.values.iter().copied()).collect();
+        let array = PyArray1::from_vec(py, values);
+        if stacked {
+            dict.set_item(column.name, array.reshape([records.len(), rows, column.width])?)?;
+        } else {
+            dict.set_item(column.name, array.reshape([rows, column.width])?)?;
+        }
+    }
+    Ok(dict)
 }
 
 fn push(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Push> {

@@ -1,10 +1,12 @@
 //! A simulated flight in memory: the vehicle's body, noisy sensors, and the same [`Flight`] as on a real vehicle. It
 //! uses no clock and no link. It runs as fast as the machine can; the same seed gives the same flight.
 
+mod many;
 mod record;
 
 use crate::{Body, Nanos, Own, Pushes, STEP, body::Cycle};
-pub use record::{Column, Record};
+pub use many::{Outcome, Summary, run_many};
+pub use record::{Column, NAMES, Record};
 use std::collections::VecDeque;
 use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
@@ -67,12 +69,22 @@ pub struct Scenario<'a> {
 /// # Errors
 /// If the flight refuses the scenario.
 pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
+    fly(scenario, |_| true, |_| ())
+}
+
+/// Simulates a scenario, records the `wanted` quantities, and shows each tick.
+fn fly(
+    scenario: &Scenario<'_>,
+    wanted: impl Fn(&str) -> bool,
+    mut tick: impl FnMut(&World),
+) -> Result<Record, ConfigError> {
     let mut world = World::new(scenario)?;
     let rows = (scenario.duration / PERIOD).round() as usize;
-    let mut record = Record::with_rows(rows);
+    let mut record = Record::new(rows, wanted);
     for row in 0..rows {
         world.tick(row as f64 * PERIOD, row % POSE_EVERY == 0);
         world.keep(&mut record);
+        tick(&world);
         world.advance();
     }
     Ok(record)

@@ -13,18 +13,53 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
+/// The names of all recorded quantities.
+pub const NAMES: [&str; 28] = [
+    "time",
+    "position",
+    "velocity",
+    "rotation",
+    "angular_velocity",
+    "tool_position",
+    "tool_rotation",
+    "estimated_position",
+    "estimated_velocity",
+    "estimated_rotation",
+    "setpoint_position",
+    "setpoint_rotation",
+    "reference_position",
+    "reference_rotation",
+    "position_error",
+    "rotation_error",
+    "wrench_robot",
+    "wrench_tool",
+    "wind",
+    "contact_likelihood",
+    "wrench_true",
+    "rotor_speeds",
+    "rotor_command",
+    "gyro",
+    "specific_force",
+    "measured_rotor_speeds",
+    "saturated",
+    "phase",
+];
+
 /// The recorded quantities of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
     columns: Vec<Column>,
     rows: usize,
-    next: usize,
+    /// Which of [`NAMES`] are recorded.
+    wanted: [bool; NAMES.len()],
+    /// The next of them in this row, and the next recorded column.
+    next: (usize, usize),
 }
 
 impl Record {
-    /// An empty record with room for `rows` rows.
-    pub(super) fn with_rows(rows: usize) -> Self {
-        Self { rows, ..Self::default() }
+    /// An empty record of these quantities with room for `rows` rows.
+    pub(super) fn new(rows: usize, wanted: impl Fn(&str) -> bool) -> Self {
+        Self { rows, wanted: NAMES.map(wanted), ..Self::default() }
     }
 
     /// The columns, all of equal length.
@@ -39,14 +74,20 @@ impl Record {
         self.columns.iter().find(|c| c.name == name)
     }
 
-    /// Adds a row to the next column. Every row adds to the same columns in the same order.
+    /// Adds a row to the next column, if it is recorded. Every row adds to the columns in the order of [`NAMES`].
     pub(super) fn put(&mut self, name: &'static str, row: &[f64]) {
-        if self.next == self.columns.len() {
+        let (number, column) = self.next;
+        debug_assert_eq!(NAMES[number], name, "the order of the names");
+        self.next.0 += 1;
+        if !self.wanted[number] {
+            return;
+        }
+        if column == self.columns.len() {
             let values = Vec::with_capacity(self.rows * row.len());
             self.columns.push(Column { name, width: row.len(), values });
         }
-        self.columns[self.next].values.extend_from_slice(row);
-        self.next += 1;
+        self.columns[column].values.extend_from_slice(row);
+        self.next.1 += 1;
     }
 
     /// Adds a matrix to the next column, row by row.
@@ -55,6 +96,6 @@ impl Record {
     }
 
     pub(super) fn end_row(&mut self) {
-        self.next = 0;
+        self.next = (0, 0);
     }
 }

@@ -1,0 +1,137 @@
+//! Many simulated flights, one worker thread a processor.
+
+use super::{Record, Scenario, World, fly};
+use crate::Body;
+use std::{
+    ops::ControlFlow,
+    sync::{
+        atomic::{AtomicUsize, Ordering},
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread,
+    time::Duration,
+};
+use tilthex_config::ConfigError;
+use tilthex_core::supervisor::Phase;
+
+/// How long the caller waits at most until it is asked again whether to go on.
+const ASKED: Duration = Duration::from_millis(100);
+
+/// What a flight came to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Root mean square and largest length of the position error of the pose controller, m.
+    pub position_error: (f64, f64),
+    /// Largest length of its rotation error.
+    pub rotation_error: f64,
+    /// Largest distance of the true tool from its set-point, m.
+    pub tool_deviation: f64,
+    /// Largest true force on the tool, N.
+    pub tool_force: f64,
+    /// Largest true tilt of the robot, rad.
+    pub tilt: f64,
+    /// Part of the ticks in which a rotor was at a limit.
+    pub saturated: f64,
+    /// The phase at the end.
+    pub phase: Phase,
+    ticks: u32,
+}
+
+impl Summary {
+    fn add(&mut self, world: &World) {
+        let (state, flown) = (world.body.state(), &world.commanded.record);
+        let force_w = world.body.tool_wrench_w();
+        let (tool_w, _) = world.plant.loaded_tool_pose(state, &force_w);
+        let error = flown.position_error_w.norm();
+        self.position_error = (self.position_error.0 + error * error, self.position_error.1.max(error));
+        self.rotation_error = self.rotation_error.max(flown.rotation_error_r.norm());
+        self.tool_deviation = self.tool_deviation.max((tool_w - flown.setpoint.position_w).norm());
+        self.tool_force = self.tool_force.max(force_w.force.norm());
+        self.tilt = self.tilt.max(state.robot.rotation_wr[(2, 2)].clamp(-1.0, 1.0).acos());
+        self.saturated += f64::from(u8::from(flown.saturated));
+        self.phase = flown.phase;
+        self.ticks += 1;
+    }
+
+    /// Sums become means.
+    fn ended(mut self) -> Self {
+        let ticks = f64::from(self.ticks.max(1));
+        self.position_error.0 = (self.position_error.0 / ticks).sqrt();
+        self.saturated /= ticks;
+        self
+    }
+}
+
+/// One of many flights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// What it came to.
+    pub summary: Summary,
+    /// The recorded quantities.
+    pub record: Record,
+}
+
+/// Simulates all scenarios with so many `workers`, and records the quantities named in `wanted`. Each flight is the one that
+/// [`run`](super::run) gives. `progress` gets the number of flights that have ended, at least ten times a second; where it
+/// breaks, no further flight begins, and the result is `None`.
+///
+/// # Errors
+/// The first scenario that is refused, and why.
+pub fn run_many(
+    scenarios: &[Scenario<'_>],
+    wanted: &[String],
+    workers: usize,
+    mut progress: impl FnMut(usize) -> ControlFlow<()>,
+) -> Result<Option<Vec<Outcome>>, (usize, ConfigError)> {
+    let next = AtomicUsize::new(0);
+    let mut outcomes: Vec<Option<Outcome>> = vec![None; scenarios.len()];
+    let (mut ended, mut refused) = (0, None);
+    let broken = thread::scope(|scope| {
+        let (sender, receiver) = mpsc::channel();
+        for _ in 0..workers.clamp(1, scenarios.len().max(1)) {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                while let Some((number, scenario)) = take(next, scenarios) {
+                    let mut summary = Summary::default();
+                    let flown = fly(scenario, |name| wanted.iter().any(|w| w == name), |w| summary.add(w));
+                    let outcome = flown.map(|record| Outcome { summary: summary.ended(), record });
+                    if sender.send((number, outcome)).is_err() {
+                        break;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        loop {
+            match receiver.recv_timeout(ASKED) {
+                Ok((number, Ok(outcome))) => {
+                    outcomes[number] = Some(outcome);
+                    ended += 1;
+                }
+                Ok((number, Err(why))) => {
+                    if refused.as_ref().is_none_or(|(first, _)| number < *first) {
+                        refused = Some((number, why));
+                    }
+                    next.store(scenarios.len(), Ordering::Relaxed);
+                }
+                Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => return false,
+            }
+            if progress(ended).is_break() {
+                next.store(scenarios.len(), Ordering::Relaxed);
+                return true;
+            }
+        }
+    });
+    match refused {
+        Some(refused) => Err(refused),
+        None if broken => Ok(None),
+        None => Ok(outcomes.into_iter().collect()),
+    }
+}
+
+/// The next scenario that no worker has taken.
+fn take<'s, 'c>(next: &AtomicUsize, scenarios: &'s [Scenario<'c>]) -> Option<(usize, &'s Scenario<'c>)> {
+    let number = next.fetch_add(1, Ordering::Relaxed);
+    scenarios.get(number).map(|scenario| (number, scenario))
+}
