@@ -157,13 +157,13 @@ def test_a_fault_says_its_reaction(fault, phase):
     text = status.html(sample(phase, (fault.name,), vehicle), Reach(vehicle), link_age=0.1)
     reaction = fault.on_ground if phase == "disarmed" else fault.in_flight
     assert f"{fault.name} - {reaction}" in text
-    assert "nothing heard" not in text
+    assert "no message from" not in text
 
 
 def test_an_old_state_is_said_to_be_old_and_nothing_is_markup():
     vehicle = tilthex.Vehicle.preset("tilt-hex")
     text = status.html(sample("<b>", ("<script>",), vehicle), Reach(vehicle), link_age=3.2)
-    assert "nothing heard of the flight for 3.2 s" in text
+    assert "no message from the flight for 3.2 s" in text
     assert "<script>" not in text and "<b></div>" not in text
 
 

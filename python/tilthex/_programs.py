@@ -1,4 +1,4 @@
-"""Where the Rust programs are."""
+"""Finds the Rust programs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-//! Checks a computer before a flight and says what to mend.
+//! Checks a computer before a flight and says what to correct.
 
 use std::{
     fmt, fs,
@@ -41,9 +41,9 @@ const LISTEN: Duration = Duration::from_secs(1);
 pub enum Verdict {
     /// As it should be.
     Good,
-    /// It will fly, less well than it could.
+    /// A flight is possible, but less good than it could be.
     Fair,
-    /// Mend it before a flight.
+    /// It must be corrected before a flight.
     Bad,
 }
 
@@ -54,7 +54,7 @@ pub struct Check {
     pub name: &'static str,
     /// How it is.
     pub verdict: Verdict,
-    /// What was found, and what mends it.
+    /// What was found, and how to correct it.
     pub text: String,
 }
 

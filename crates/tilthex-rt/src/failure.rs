@@ -17,7 +17,7 @@ pub enum Kind {
     Link,
     /// A fault ended the flight, the vehicle landed: 4.
     Fault,
-    /// A log breaks off, what is there of it is good: 5.
+    /// A log breaks off; everything up to there is good: 5.
     Incomplete,
     /// This computer denies what the program needs (a thread, a signal handler, real-time rights, its output): 6.
     Machine,
@@ -25,7 +25,7 @@ pub enum Kind {
     Interrupted,
 }
 
-/// An end that is not success: what, found, expected and what mends it, in one sentence.
+/// An end without success. One sentence: what is wrong, what was found, what was expected, how to correct it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
     /// Decides the exit status.

@@ -1,4 +1,4 @@
-//! What other threads tell the loop past its ring: read in every tick, behind nothing.
+//! Flags by which other threads tell the loop what must not wait in a ring: the loop reads them in every tick.
 
 use std::sync::{
     Arc,
@@ -7,14 +7,14 @@ use std::sync::{
 
 use crate::sleeper::Nanos;
 
-/// Flags that any thread may set and none takes back.
+/// Flags that any thread may set, and that no thread clears.
 #[derive(Clone, Debug, Default)]
 pub struct Flags {
-    /// A signal asks to land, or to end where nothing flies.
+    /// A signal asks to land, or to end the program before the start.
     pub interrupted: Arc<AtomicBool>,
     land: Arc<AtomicBool>,
     kill: Arc<AtomicBool>,
-    /// Time of the operator's last message; 0 while no operator's orders are flown.
+    /// Time of the operator's last message; 0 while the vehicle does not fly an operator's orders.
     heard: Arc<AtomicU64>,
 }
 
@@ -34,7 +34,7 @@ impl Flags {
         self.heard.store(now.max(1), Relaxed);
     }
 
-    /// Whether anybody asks to land.
+    /// Whether a signal or the operator asks to land.
     #[must_use]
     pub fn lands(&self) -> bool {
         self.interrupted.load(Relaxed) || self.land.load(Relaxed)
@@ -46,7 +46,7 @@ impl Flags {
         self.kill.load(Relaxed)
     }
 
-    /// Whether orders are flown of an operator who was heard last more than `patience` before `now`.
+    /// Whether the vehicle flies the orders of an operator whose last message is more than `patience` older than `now`.
     #[must_use]
     pub fn operator_silent(&self, now: Nanos, patience: Nanos) -> bool {
         match self.heard.load(Relaxed) {
@@ -55,7 +55,7 @@ impl Flags {
         }
     }
 
-    /// Whether an operator's orders are flown, who must be heard.
+    /// Whether the vehicle flies an operator's orders, so that the operator must send messages.
     #[must_use]
     pub fn has_operator(&self) -> bool {
         self.heard.load(Relaxed) != 0

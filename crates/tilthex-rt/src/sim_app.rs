@@ -27,7 +27,7 @@ use crate::{
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.
 ///
 /// Exit status: 0 interrupted; 2 wrong arguments or configuration, or no Python with MuJoCo for --world;
-/// 3 no pseudo-terminal, or the world ended or answered something else.
+/// 3 no pseudo-terminal, or the world ended or sent an unexpected answer.
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100)]
 pub struct Args {
@@ -47,11 +47,11 @@ pub struct Args {
     #[arg(long, value_name = "URI")]
     pub mocap: Option<MocapUri>,
 
-    /// From the exposure of the cameras to the sending of its frame [default: the world's, or 0.008]
+    /// Time from the exposure of the cameras to the sending of the frame, s [default: the world's, or 0.008]
     #[arg(long, value_name = "S")]
     pub mocap_latency: Option<f64>,
 
-    /// Added to it at random, up to this [default: the world's, or 0]
+    /// Largest random time that is added to it, s [default: the world's, or 0]
     #[arg(long, value_name = "S")]
     pub mocap_jitter: Option<f64>,
 
@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     pub mocap_loss: f64,
 
-    /// What pushes the tool, and when
+    /// A file of pushes on the tool
     #[arg(long, value_name = "FILE.toml")]
     pub pushes: Option<PathBuf>,
 
@@ -68,20 +68,20 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", default_value = "exact")]
     pub truth: String,
 
-    /// Chooses the sensors' noise and, with --truth, the vehicle
+    /// Seed of the sensors' noise and, with --truth, of the vehicle
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
 
-    /// Put the vehicle on a stand in this experiment's world, in MuJoCo, in place of flat ground: a name such as
+    /// Put the vehicle on a stand in this experiment's world, in MuJoCo, instead of flat ground: a name such as
     /// sliding, or a TOML file
     #[arg(long, value_name = "EXPERIMENT", conflicts_with = "pushes")]
     pub world: Option<String>,
 
-    /// With --world: which of the experiment's runs [default: the first]
+    /// With --world: the name of the experiment's run [default: the first]
     #[arg(long, value_name = "NAME", requires = "world")]
     pub world_run: Option<String>,
 
-    /// With --world: write the truth of every cycle there at the end
+    /// With --world: file for the true values of every cycle, written at the end
     #[arg(long, value_name = "FILE.npz", requires = "world")]
     pub world_truth: Option<PathBuf>,
 }

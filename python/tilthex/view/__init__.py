@@ -1,4 +1,4 @@
-"""`tilthex view`: a flight in the browser, as it flies, from its log, or simulated (docs/howto/view.md).
+"""`tilthex view`: a running, a simulated or a logged flight in the browser (docs/howto/view.md).
 
-The page is served by viser, an optional dependency: `pip install 'tilthex[view]'`.
+viser, an optional dependency, serves the page: `pip install 'tilthex[view]'`.
 """

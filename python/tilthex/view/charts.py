@@ -45,7 +45,7 @@ class Charts:
         self._widths = (6, 3, 3, 3, len(rotors))
 
     def add(self, sample: Sample) -> None:
-        """Adds a sample; `draw` shows it. Times count from the first."""
+        """Adds a sample, which `draw` shows. Times count from the first sample."""
         speeds = np.full(self._widths[-1], np.nan)
         if len(sample.rotor_speeds) == len(speeds):
             speeds = sample.rotor_speeds
@@ -63,14 +63,14 @@ class Charts:
         self._rows.append(np.concatenate(columns))
 
     def fill(self, samples: Iterable[Sample]) -> None:
-        """Replaces everything."""
+        """Replaces all samples."""
         self._rows.clear()
         for sample in samples:
             self.add(sample)
         self.draw()
 
     def draw(self) -> None:
-        """Shows what was added."""
+        """Shows the samples that were added."""
         if not self._rows:
             return
         table = np.array(self._rows)
@@ -96,7 +96,7 @@ def _add(gui: viser.GuiApi, title: str, names: tuple[str, ...]) -> viser.GuiUplo
         (np.arange(2.0), *(none for _ in names)),
         tuple(series),
         title=title,
-        # Seconds, not dates.
+        # The axis shows seconds, not dates.
         scales={"x": uplot.Scale(time=False)},
         legend=uplot.Legend(show=False),
         aspect=2.2,

@@ -29,7 +29,7 @@ def add_parser(commands: Any) -> None:
     """Adds the subcommand."""
     parser: argparse.ArgumentParser = commands.add_parser(
         "view",
-        help="a flight in the browser: running, simulated or from a log",
+        help="show a flight in the browser: running, simulated or from a log",
         description=ABOUT,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -47,19 +47,19 @@ def add_parser(commands: Any) -> None:
         "--config",
         type=Path,
         metavar="FILE",
-        help="what the flight flies with (default: the preset tilt-hex)",
+        help="the flight's configuration (default: the preset tilt-hex)",
     )
     parser.add_argument(
         "--listen",
         default="127.0.0.1:8080",
         metavar="ADDRESS:PORT",
-        help="where the page is served; an address of a network asks for a token (default: %(default)s)",
+        help="address of the page; an address of a network requires a token (default: %(default)s)",
     )
     parser.add_argument(
         "--token-file",
         type=Path,
         metavar="FILE",
-        help="ask for the token in this file; an address of a network has a new one at each start without",
+        help="file with the token (default: for an address of a network, a new token at each start)",
     )
     parser.add_argument("--no-browser", action="store_true", help="print the page's address only")
     parser.set_defaults(run=_run)
@@ -93,7 +93,10 @@ def _run(arguments: argparse.Namespace) -> None:
 def _prepare(
     arguments: argparse.Namespace, stack: contextlib.ExitStack
 ) -> Callable[[viser.ViserServer], Callable[[threading.Event], None]]:
-    """Reads or starts what is shown; what makes its page, and then shows it until it is told to end."""
+    """Reads or starts the flight.
+
+    Returns a function that makes the page, and then shows it until the end.
+    """
     if arguments.log is not None:
         from tilthex.log import Log
         from tilthex.view.replay import Replay
@@ -116,10 +119,10 @@ def _prepare(
 
 
 def connector(address: str, token_file: Path | None) -> Callable[[Callable[[], bool] | None], Flight]:
-    """What connects to the control socket at an address, ADDRESS:PORT or unix:PATH.
+    """The function that connects to the control socket at an address, ADDRESS:PORT or unix:PATH.
 
     Raises:
-        ValueError: The address is none.
+        ValueError: It is not an address.
     """
     token = None if token_file is None else token_file.read_text(encoding="utf-8").strip()
     scheme, separator, path = address.partition(":")

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 KILL = "KILL"
 KILLS = "The motors stop at once, and the vehicle falls. The keys Shift and K do the same."
-# The icon names the button, which has no other mark of its own.
+# The icon makes the button recognisable; it has no other mark.
 LARGE = (
     "<style>button:has(svg.icon-tabler-skull)"
     "{height:2.6em !important;font-size:1.8em !important;font-weight:bold !important}</style>"
@@ -38,11 +38,11 @@ LARGEST = {
     "stiffness": (100.0, 30.0),
     "damping": (80.0, 20.0),
 }
-"""Ends of the sliders: of translation, N/m and N s/m, and of rotation, N m/rad and N m s/rad."""
+"""Ends of the sliders: translation, N/m and N s/m; rotation, N m/rad and N m s/rad."""
 
 
 class Controls:
-    """What steers a flight. Every order goes through the pilot; what is refused is told there."""
+    """The controls of a flight. All orders go through the pilot, which shows refusals."""
 
     def __init__(self, server: viser.ViserServer, pilot: Pilot, config: Config) -> None:
         self._pilot, self._gui = pilot, server.gui
@@ -90,7 +90,7 @@ class Controls:
         self._gui.add_button("gizmo to the tool").on_click(lambda _: self._back())
 
     def aim(self, goal: Pose) -> None:
-        """Puts the gizmo where somebody wants the tool."""
+        """Moves the gizmo to a wanted pose of the tool."""
         self._moved = True
         self.gizmo.position, self.gizmo.wxyz = goal.position, wxyz(goal.rotation)
 
@@ -99,7 +99,7 @@ class Controls:
         self.update()
 
     def update(self) -> None:
-        """Keeps the gizmo at the set-point until somebody moves it."""
+        """Keeps the gizmo at the set-point until the operator moves it."""
         sample = self._pilot.newest
         if not self._moved and sample is not None and np.isfinite(sample.setpoint.position).all():
             self.aim(sample.setpoint)
@@ -111,7 +111,7 @@ class Controls:
             self._six(key, np.asarray(table[key], dtype=float), ends)
 
     def _six(self, key: str, configured: Array, ends: tuple[float, float]) -> None:
-        """Six sliders of a matrix's diagonal; what is beside the diagonal stays."""
+        """Six sliders for the diagonal of a matrix; the other entries stay."""
         start = configured if configured.ndim == 1 else np.diag(configured)
         sliders = []
         for axis, (name, value) in enumerate(zip(AXES, start, strict=True)):
@@ -140,5 +140,5 @@ class Controls:
 
 
 def _hold(flight: Flight) -> None:
-    """Ends the way: the tool stays at its set-point."""
+    """Ends the motion: the tool stays at its set-point."""
     flight.go_to(flight.state()["setpoint"]["position"])

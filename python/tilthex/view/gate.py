@@ -1,8 +1,8 @@
-"""Who may open the page: this computer alone, or whoever has the token.
+"""Decides who may open the page: only this computer, or everybody who has the token.
 
-A browser lets every page that it shows connect to every address that it reaches, this computer's own
-included. So each request must come from the page itself (`Origin`), and name an address under which the page
-is served (`Host`): a page elsewhere cannot give orders through the browser of an operator.
+A browser lets every page that it shows connect to every address that it reaches, including this
+computer's own. So each request must come from the page itself (`Origin`), and must name an address under
+which the page is served (`Host`): another page cannot give orders through the operator's browser.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
 
 SHORTEST = 16
-"""Characters of a token, as of the control socket."""
+"""Smallest number of characters of a token, as for the control socket."""
 COOKIE = "tilthex-view"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 @dataclass(frozen=True)
 class Gate:
-    """Where the page is served, and to whom."""
+    """The address of the page, and who may open it."""
 
     host: str
     port: int
     token: str | None
-    """Asked for where the address is not of this computer alone."""
+    """Required if the address can be reached from other computers."""
 
     def admits(self, path: str, headers: Any) -> str | None:
-        """Why a request is refused, as a sentence; None where it is admitted.
+        """Why a request is refused, as a sentence; None if it is accepted.
 
         Args:
-            path: of the request, with its query.
-            headers: of the request: a mapping.
+            path: The path of the request, with its query.
+            headers: The headers of the request: a mapping.
         """
         host = headers.get("Host", "")
         if self.token is None and _name(host) not in LOOPBACK:
-            return f"this page is served to this computer alone, not as {host!r}"
+            return f"this page is served only to this computer, not as {host!r}"
         origin = headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc != host:
             return f"a page of {origin!r} may not open this one"
@@ -69,16 +69,19 @@ class Gate:
         return any(hmac.compare_digest(each.encode(), self.token.encode()) for each in shown)
 
     def url(self, port: int) -> str:
-        """What a person opens."""
+        """The address that a person opens."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         return f"http://{host}:{port}/" + ("" if self.token is None else f"?token={self.token}")
 
 
 def gate(address: str, token_file: Path | None) -> Gate:
-    """The gate of an address, HOST:PORT; one that others can reach has a token, new or from a file.
+    """The gate of an address, HOST:PORT.
+
+    An address that others can reach has a token, a new one or one from a file.
 
     Raises:
-        ValueError: The address means every network, or the token is too short; with what is expected.
+        ValueError: The address means every network, or the token is too short; the message says what is
+        expected.
     """
     host, separator, port = address.rpartition(":")
     host = host.strip("[]")
@@ -87,7 +90,9 @@ def gate(address: str, token_file: Path | None) -> Gate:
     try:
         found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)[0][4][0]
     except socket.gaierror as error:
-        raise ValueError(f"--listen names {host!r}, which is no address of this computer: {error}") from None
+        raise ValueError(
+            f"--listen names {host!r}, which is not an address of this computer: {error}"
+        ) from None
     numbered = ipaddress.ip_address(found)
     if numbered.is_unspecified or getattr(numbered, "ipv4_mapped", None) == ipaddress.ip_address("0.0.0.0"):
         raise ValueError(f"--listen {host} means every network; expected one address of this computer")
@@ -105,7 +110,7 @@ def serve(guard: Gate) -> viser.ViserServer:
     """
     import viser
 
-    # It prints an address without the token.
+    # viser prints an address without the token.
     with _guarded(guard) as used, contextlib.redirect_stdout(io.StringIO()):
         try:
             server = viser.ViserServer(host=guard.host, port=guard.port, label="tilthex", verbose=False)
@@ -121,9 +126,9 @@ def serve(guard: Gate) -> viser.ViserServer:
 
 @contextlib.contextmanager
 def _guarded(guard: Gate) -> Iterator[list[bool]]:
-    """While it lasts, servers of `websockets` are made with the gate before their own answers.
+    """While it is active, servers of `websockets` are made with the gate before their own answers.
 
-    viser has no hook of its own for this. What is yielded is filled once a server is made.
+    viser has no hook for this. The yielded list is filled once a server is made.
     """
     import websockets.asyncio.server as module
 
@@ -139,7 +144,7 @@ def _guarded(guard: Gate) -> Iterator[list[bool]]:
                 return connection.respond(403, refusal + "\n")
             response: Response | None = process_request(connection, request)
             if response is not None and guard.token is not None:
-                # The page's own requests show it from now on; no other page's do.
+                # From now on the page's own requests carry the cookie; those of other pages do not.
                 cookie = f"{COOKIE}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
                 response.headers["Set-Cookie"] = cookie
             return response
@@ -154,7 +159,7 @@ def _guarded(guard: Gate) -> Iterator[list[bool]]:
 
 
 def _name(host: str) -> str:
-    """The name in a `Host` header, without its port."""
+    """The name in a `Host` header, without the port."""
     try:
         return urlsplit(f"//{host}").hostname or ""
     except ValueError:

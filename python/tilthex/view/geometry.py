@@ -1,4 +1,4 @@
-"""What a vehicle looks like, from its MuJoCo model (`Vehicle.to_mjcf`), and the forces that it can give."""
+"""The shape of a vehicle, from its MuJoCo model, and the forces that it can produce."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Cylinder:
 
     @property
     def is_rotor(self) -> bool:
-        """Whether it stands for a rotor; they come in the order of the rotors."""
+        """Whether it is a rotor. Rotors are in their order in the vehicle."""
         return self.radius >= ROTOR_RADIUS
 
 
@@ -55,7 +55,7 @@ def _cylinder(geom: ET.Element) -> Cylinder:
 
 
 class Reach:
-    """The forces that a vehicle's rotors can give without a torque, and how near they are to their limits.
+    """The forces that the rotors can produce without a torque, and their distance from the limits.
 
     Attributes:
         vertices: (v, 3), N, R: corners of the attainable forces.
@@ -78,9 +78,10 @@ class Reach:
         return np.asarray(rotation.T @ np.array([0.0, 0.0, self._vehicle.mass * GRAVITY]))
 
     def margin(self, rotor_speeds: Array) -> float:
-        """Distance of the rotors' force to the edge of the attainable ones, N; negative outside.
+        """Distance of the rotors' force from the edge of the attainable forces, N; negative outside.
 
-        Infinite for a vehicle whose attainable forces have no volume: all lie on their edge.
+        Infinite for a vehicle whose attainable forces have no volume, because all of them are on the
+        edge.
         """
         if self._set.dimension < 3:
             return float("inf")
@@ -88,7 +89,7 @@ class Reach:
         return float(self._set.margin((self._vehicle.allocation @ inputs)[:3]))
 
     def loads(self, rotor_speeds: Array) -> Array:
-        """Where each rotor is between its limits of thrust: 0 at the lower, 1 at the upper; (n,)."""
+        """Load of each rotor: 0 at its lower limit of thrust, 1 at the upper; (n,)."""
         lower, upper = (self._limits * np.abs(self._limits)).T
         inputs = rotor_speeds * np.abs(rotor_speeds)
         return np.asarray((inputs - lower) / (upper - lower))

@@ -20,13 +20,13 @@ if TYPE_CHECKING:
 FRAME = 0.1
 """Time between two pictures, s."""
 DRAW = 5
-"""The plots are drawn with every so many pictures."""
+"""The plots are drawn once for this number of pictures."""
 KEPT = 30.0
-"""The plots hold so many seconds."""
+"""Duration of the plots, s."""
 
 
 class Live:
-    """Shows what the flight tells, and gives the orders of the page."""
+    """Shows the states of the flight, and gives the orders of the page."""
 
     def __init__(self, server: viser.ViserServer, config: Config, connect: Connect, title: str) -> None:
         """Connects to the flight.
@@ -44,7 +44,7 @@ class Live:
         self._shown: Sample | None = None
 
     def run(self, ended: threading.Event) -> None:
-        """Shows the flight until it is told to end."""
+        """Shows the flight until the end."""
         self.pilot.start()
         try:
             pictures = 0

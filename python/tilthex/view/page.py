@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Page:
-    """Status, scene and plots on a server; what else the page has is added around them."""
+    """Status, scene and plots on a server. Logs and flights add their own elements."""
 
     def __init__(self, server: viser.ViserServer, config: Config, title: str, keep: int) -> None:
         """A page whose plots keep `keep` samples."""
@@ -29,7 +29,7 @@ class Page:
         gui.set_panel_label(f"tilthex: {title}")
         self.scene = Scene(server, config)
         self._status = gui.add_html("")
-        # What steers the flight or the log comes here.
+        # The controls of the flight or of the log are added here.
         self.controls = gui.add_folder("Controls")
         with gui.add_folder("Show", expand_by_default=False):
             hull = gui.add_checkbox("attainable forces", False)
@@ -45,7 +45,7 @@ class Page:
             self.scene.hull.visible = hull.value
 
     def show(self, sample: Sample, link_age: float | None = None) -> None:
-        """Shows a moment; the plots are drawn apart."""
+        """Shows a moment. `draw` of the plots is called separately."""
         text = status.html(sample, self.scene.reach, link_age)
         with self.server.atomic():
             self.scene.show(sample)

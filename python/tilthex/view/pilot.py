@@ -11,20 +11,20 @@ from tilthex.client import Flight, OrderRefused
 from tilthex.view.sample import Sample, from_state
 
 RATE = 20.0
-"""States a second."""
+"""States per second."""
 AGAIN = 1.0
 """Time between two attempts to connect, s."""
 Order = Callable[[Flight], object]
 Connect = Callable[[Callable[[], bool] | None], Flight]
-"""Makes a connection; what it is given says whether the operator is there, None that always."""
+"""Makes a connection. Its argument says whether the operator is present; None: always."""
 
 
 class Pilot:
     """Two connections: one for states and orders, which holds the controls, and one for `land` and `kill`.
 
     Attributes:
-        newest: the newest sample, None before the first.
-        arrived: when it arrived, on `time.monotonic`.
+        newest: The newest sample, None before the first.
+        arrived: Its time of arrival on `time.monotonic`.
     """
 
     def __init__(
@@ -33,9 +33,9 @@ class Pilot:
         """Connects.
 
         Args:
-            connect: makes a connection.
-            present: whether the operator is there.
-            tell: is called with a title and a sentence where an order is refused or the flight is gone.
+            connect: Makes a connection.
+            present: Says whether the operator is present.
+            tell: Called with a title and a sentence if an order is refused or the flight has gone.
 
         Raises:
             ConnectionError: No flight takes orders there.
@@ -53,11 +53,11 @@ class Pilot:
         self._thread = threading.Thread(target=self._run, name="tilthex-pilot", daemon=True)
 
     def start(self) -> None:
-        """Takes states and gives orders from now on."""
+        """Starts to take states and to give orders."""
         self._thread.start()
 
     def order(self, name: str, order: Order) -> None:
-        """Gives an order after the next state. One that waits is replaced by another of its name."""
+        """Gives an order after the next state. It replaces a waiting order of the same name."""
         with self._lock:
             waits = name in self._waiting
             self._waiting[name] = order
@@ -65,7 +65,7 @@ class Pilot:
             self._orders.put(name)
 
     def urgent(self, name: str, order: Order) -> None:
-        """Gives `land` or `kill` at once, beside whatever waits, and connects anew if it must."""
+        """Gives `land` or `kill` at once, before all waiting orders. Connects again if necessary."""
         with self._brake_lock:
             try:
                 self._press(order)
@@ -106,7 +106,7 @@ class Pilot:
                 if not self._ended.is_set():
                     self._tell("the flight has ended", "The page connects again when one begins.")
             except (OSError, ValueError) as error:
-                # A flight that is not there yet is no news.
+                # A flight that has not started yet needs no message.
                 if flight is not None:
                     self._tell("the flight is gone", str(error))
             flight = None

@@ -1,4 +1,4 @@
-"""Whether somebody looks at the page: the operator whom the flight must hear of."""
+"""Whether the operator looks at the page, which the flight must know."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ if TYPE_CHECKING:
 ASK = 0.3
 """Time between two questions to a page, s."""
 ALIVE = 1.5
-"""A page that has answered within this time is seen by its operator, s."""
+"""The operator is present if a page has answered within this time, s."""
 KEY = "tilthex-present"
 
 
 class Presence:
-    """Asks every open page again and again; a page answers between two of its pictures.
+    """Asks every open page repeatedly. A page answers between two of its pictures.
 
-    A browser draws no pictures of a page that is hidden, so a hidden page does not answer: who has switched
-    to another tab does not look at the flight. A page whose network or computer is gone does not either.
+    A browser draws no pictures of a hidden page, so that a hidden page does not answer: an operator who
+    has changed to another tab does not see the flight. A page without network or computer does not answer
+    either.
     """
 
     def __init__(self, server: viser.ViserServer) -> None:
@@ -33,11 +34,11 @@ class Presence:
             threading.Thread(target=self._ask, args=(client,), name="tilthex-presence", daemon=True).start()
 
     def __call__(self) -> bool:
-        """Whether a page has answered lately."""
+        """Whether a page has answered recently."""
         return time.monotonic() - self._answered < ALIVE
 
     def close(self) -> None:
-        """Asks no more."""
+        """Stops asking."""
         self._ended.set()
 
     def _ask(self, client: viser.ClientHandle) -> None:
@@ -49,7 +50,7 @@ class Presence:
             except TimeoutError:
                 continue
             except RuntimeError as error:
-                # Where it has not left, its browser keeps nothing, which is an answer too.
+                # The browser of a page that is still open keeps nothing; this is an answer too.
                 if "disconnected" in str(error):
                     return
             self._answered = time.monotonic()

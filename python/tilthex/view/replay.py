@@ -1,4 +1,4 @@
-"""A log in the page: a slider over time, and what happened when."""
+"""A log in the page: a slider over time, and a list of events."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import viser
 
 POINTS = 1500
-"""Points of a plot over the whole log."""
+"""Number of points of a plot over the whole log."""
 FRAME = 0.05
 """Time between two pictures while it plays, s."""
 SPEEDS = ("0.25", "0.5", "1", "2", "5", "10")
@@ -51,7 +51,7 @@ class Replay:
         self.page.show(flown.sample(0))
 
     def run(self, ended: threading.Event) -> None:
-        """Moves the slider while it plays, until it is told to end."""
+        """Moves the slider while it plays, until the end."""
         last = time.monotonic()
         while not ended.wait(FRAME):
             now = time.monotonic()
@@ -63,10 +63,10 @@ class Replay:
             if at >= end:
                 at = end
                 _set(self.play, False)
-            # Not rounded to the slider's steps, with which it could stand still.
+            # The time is not rounded to the slider's steps, with which it could stand still.
             _set(self.slider, at)
 
 
 def _set(handle: Any, value: float) -> None:
-    """Sets an element's value; viser's types have it read-only."""
+    """Sets the value of an element, which viser's types declare read-only."""
     handle.value = value

@@ -1,4 +1,4 @@
-"""What the page shows of one moment, from the state of a running flight or from a log."""
+"""The values that the page shows of one moment, from the state of a running flight or from a log."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ TOPICS = ("/state", "/setpoint", "/reference", "/wrench", "/control", "/rotors",
 
 @dataclass(frozen=True)
 class Pose:
-    """Where something is in the world."""
+    """A pose in the world."""
 
     position: Array
-    """(3,), m."""
+    """Position, (3,), m."""
     rotation: Array
-    """(3, 3), maps its coordinates to world coordinates."""
+    """Rotation, (3, 3), maps its coordinates to world coordinates."""
 
 
 @dataclass(frozen=True)
@@ -34,35 +34,35 @@ class Sample:
     """One moment of a flight; frames and units as in docs/log.md."""
 
     time: float
-    """s, of the host's monotonic clock or since the log's begin."""
+    """Time, s: on the host's monotonic clock, or since the begin of the log."""
     robot: Pose
-    """Of the centre of mass."""
+    """Pose of the robot (centre of mass)."""
     setpoint: Pose
-    """Of the tool."""
+    """Set-point of the tool."""
     reference: Pose
-    """Of the tool."""
+    """Reference of the tool."""
     force: Array
-    """(3,), N, world, about the tool tip, from the environment."""
+    """Force of the environment on the tool, (3,), N, world."""
     torque: Array
-    """(3,), N m, likewise."""
+    """Torque of the environment about the tool tip, (3,), N m, world."""
     position_error: Array
-    """(3,), m, world."""
+    """Position error, (3,), m, world."""
     rotor_speeds: Array
-    """(n,), Hz, measured."""
+    """Measured rotor speeds, (n,), Hz."""
     phase: str
     faults: tuple[str, ...]
     given_up: str | None
     compliant: bool
     battery: float
-    """V; NaN before it is known."""
+    """Voltage of the battery, V; NaN before it is known."""
     pose_age: float
     """s."""
     controls: str | None = None
-    """Who holds the controls; a log does not say."""
+    """Name of the client that holds the controls; a log does not have it."""
 
 
 def from_state(state: State) -> Sample:
-    """The sample of a state that the control socket gave."""
+    """The sample of a state of the control socket."""
     return Sample(
         time=_number(state["time"]),
         robot=Pose(state["position"], state["rotation"]),
@@ -86,9 +86,9 @@ class Flown:
     """A log as samples.
 
     Attributes:
-        config: What was flown with.
-        times: (N,), s since the log's begin.
-        stamps: The same, ns since 1970.
+        config: The configuration of the flight.
+        times: (N,), s since the begin of the log.
+        stamps: The same times, ns since 1970.
     """
 
     def __init__(self, log: Log) -> None:
@@ -100,7 +100,7 @@ class Flown:
             topic: {name: values[:rows] for name, values in column.items()}
             for topic, column in columns.items()
         }
-        # 64 bits, which a column of floating-point numbers does not hold.
+        # The fault bits have 64 bits, more than a column of floating-point numbers can hold.
         self._faults = [message.faults for _, message in log.messages("/flight")][:rows]
         stamps = self._columns["/flight"]["log_time"]
         self.times: Array = stamps - stamps[0]
@@ -111,7 +111,7 @@ class Flown:
         }
 
     def at(self, time: float) -> Sample:
-        """The last sample that is not later than a time, s since the log's begin; the first before it."""
+        """The last sample not later than a time, s since the begin of the log; before it, the first one."""
         row = max(0, int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1)
         return self.sample(row)
 
@@ -137,12 +137,12 @@ class Flown:
         )
 
     def thinned(self, most: int) -> Iterator[Sample]:
-        """At most so many samples, evenly spread."""
+        """At most `most` samples at equal distances."""
         for row in np.unique(np.linspace(0, len(self.times) - 1, most).astype(int)):
             yield self.sample(int(row))
 
     def events(self) -> list[tuple[float, str]]:
-        """When the phase changed or a fault began, and what: s since the log's begin, one sentence."""
+        """Changes of the phase and begins of faults: time, s since the begin of the log, and a sentence."""
         phases, found = self._columns["/flight"]["phase"], []
         for row in range(1, len(self.times)):
             time = float(self.times[row])

@@ -82,7 +82,7 @@ class Scene:
         server.initial_camera.look_at = (0.0, 0.0, 0.6)
 
     def show(self, sample: Sample) -> None:
-        """Moves everything to where it is at a moment."""
+        """Moves all parts to their poses at a moment."""
         _move(self._robot, sample.robot)
         _move(self._setpoint, sample.setpoint)
         _move(self._reference, sample.reference)
@@ -96,7 +96,7 @@ class Scene:
             part = float(np.clip(load, 0.0, 1.0))
             red, green, blue = (round(float(x)) for x in CALM + part * (FULL - CALM))
             disc.color = (red, green, blue)
-        # What is attainable beside carrying the weight.
+        # The forces that are attainable in addition to carrying the weight.
         self.hull.position = -REACH_LENGTH * self.reach.weight(sample.robot.rotation)
 
     def _thrust_arrows(self, thrusts: Array) -> Points:
@@ -118,18 +118,18 @@ def _move(handle: viser.SceneNodeHandle, pose: Pose) -> None:
 
 
 def _arrow(begin: Array, along: Array) -> Points:
-    """One arrow, (1, 2, 3); of no length where it is not known."""
+    """One arrow, (1, 2, 3); without length if its value is not known."""
     if not (np.isfinite(begin).all() and np.isfinite(along).all()):
         return np.zeros((1, 2, 3), np.float32)
     return np.stack([begin, begin + along])[None].astype(np.float32)
 
 
 def _add(scene: viser.SceneApi, name: str, shape: Cylinder) -> viser.CylinderHandle:
-    """Adds a cylinder, whose own axis is z."""
+    """Adds a cylinder; its own axis is z."""
     axis = shape.end - shape.begin
     length = float(np.linalg.norm(axis))
     z = axis / length
-    # Any two directions across it will do.
+    # Any two directions normal to the axis.
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
     turned = np.column_stack([x, np.cross(z, x), z])
@@ -139,7 +139,7 @@ def _add(scene: viser.SceneApi, name: str, shape: Cylinder) -> viser.CylinderHan
         height=length,
         color=shape.colour,
         opacity=shape.opacity if shape.opacity < 1.0 else None,
-        # Shadows of what one sees through are dotted.
+        # Shadows of transparent bodies would be dotted.
         cast_shadow=shape.opacity == 1.0,
         position=0.5 * (shape.begin + shape.end),
         wxyz=wxyz(turned),

@@ -1,4 +1,4 @@
-"""`tilthex view --sim`: a simulated flight of its own."""
+"""`tilthex view --sim`: starts a simulated flight."""
 
 from __future__ import annotations
 
@@ -13,24 +13,26 @@ from typing import IO
 from tilthex._programs import program
 
 LANDING = 30.0
-"""A flight that is ended in the air has so long to land, s."""
+"""Time in which a flight that is ended in the air has to land, s."""
 
 
 @contextmanager
 def flight(arguments: Sequence[str]) -> Iterator[int]:
-    """A simulated `tilthex-rt`; the port of its control socket. At the end it lands.
+    """Starts a simulated `tilthex-rt` and yields the port of its control socket.
+
+    At the end the flight lands.
 
     Args:
-        arguments: beside those that make it simulated and controlled.
+        arguments: Arguments in addition to those that make it simulated and controlled.
 
     Raises:
-        OSError: It is not installed, or does not start; it says why on standard error.
+        OSError: It is not installed, or does not start; it prints the reason on standard error.
     """
     process = subprocess.Popen(
         [program("tilthex-rt"), "--sim", "--control", "127.0.0.1:0", *arguments],
         stdout=subprocess.PIPE,
         text=True,
-        # An interrupt is for the page, which ends the flight.
+        # An interrupt reaches only the page, which then ends the flight.
         start_new_session=True,
     )
     assert process.stdout is not None
@@ -39,7 +41,7 @@ def flight(arguments: Sequence[str]) -> Iterator[int]:
         port = _port(process.stdout)
         if port is None:
             raise OSError(f"the simulated flight does not start: tilthex-rt ended with {process.wait()}")
-        # What it prints is not needed, but must be read.
+        # The output is not needed, but must be read.
         reader.start()
         yield port
     finally:

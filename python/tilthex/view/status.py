@@ -18,7 +18,7 @@ COLOURS = {
     "landing": "#e67700",
     "emergency": "#c92a2a",
 }
-"""Of a phase; grey for the others."""
+"""Colour of a phase; the others are grey."""
 FOUND = {fault.name: fault for fault in FAULTS}
 LATE = 0.5
 """A state older than this is shown as old, s."""
@@ -28,9 +28,9 @@ def html(sample: Sample, reach: Reach, link_age: float | None = None) -> str:
     """The panel of a moment.
 
     Args:
-        sample: What is shown.
-        reach: The attainable forces of its vehicle.
-        link_age: Since when the flight has sent nothing, s; None for a log.
+        sample: The values.
+        reach: The attainable forces of the vehicle.
+        link_age: Time since the last message of the flight, s; None for a log.
     """
     rows = [("battery", _unit(sample.battery, "V", 1)), ("newest pose", _milliseconds(sample.pose_age))]
     if link_age is not None:
@@ -49,7 +49,7 @@ def html(sample: Sample, reach: Reach, link_age: float | None = None) -> str:
         f'text-align:center;border-radius:4px;padding:2px">{escape(sample.phase)}</div>'
     )
     if link_age is not None and link_age > LATE:
-        head += _banner(f"nothing heard of the flight for {link_age:.1f} s: what is shown is old")
+        head += _banner(f"no message from the flight for {link_age:.1f} s: the values are old")
     faults = "".join(_fault(name, sample.phase) for name in sample.faults)
     table = "".join(f"<tr><td>{name}&ensp;</td><td><b>{escape(text)}</b></td></tr>" for name, text in rows)
     return (

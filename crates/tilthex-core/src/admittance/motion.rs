@@ -10,13 +10,13 @@ use crate::{
     types::{Matrix3, Vector3, Vector6},
 };
 
-/// The period that a filter is prepared for where no other is given, s.
+/// The period for which a filter is prepared if no other is given, s.
 const USUAL_PERIOD: f64 = 0.002;
-/// Periods that differ by this part of it from the one prepared for are followed by a Taylor step from
-/// its end: at most 3e-6 of the fastest mode off. Others take a propagator of their own.
+/// A period that differs from the prepared one by at most this part is completed by a Taylor step from the end of the
+/// prepared one; its error is at most 3e-6 of the fastest mode. Other periods need their own propagator.
 const JITTER: f64 = 0.025;
 
-/// A filter that moves on by more than this in a period, rad, is kept from gaining energy.
+/// A filter that moves by more than this in a period, rad, is prevented from gaining energy.
 const SWINGS: f64 = 0.1;
 
 /// The linear part.
@@ -27,7 +27,7 @@ pub(super) struct Linear<B> {
     /// M^-1 D and M^-1 K.
     damping_rate: B,
     stiffness_rate: B,
-    /// Bounds the fastest mode, 1/s.
+    /// A bound of the fastest mode, 1/s.
     fastest: f64,
     propagator: Propagator<B>,
 }
@@ -51,7 +51,7 @@ impl<B: Block> Linear<B> {
     }
 }
 
-/// The filter in one period, with what drives it.
+/// The filter in one period, with its inputs.
 pub(super) struct Motion<'a, B> {
     pub law: &'a Linear<B>,
     pub spring: &'a Spring,
@@ -72,7 +72,7 @@ impl<B: Block> Motion<'_, B> {
             - self.law.mass_inverse.apply(&strained.wrench)
     }
 
-    /// Moves the deviation on by `dt`, s.
+    /// Moves the deviation by `dt`, s.
     pub(super) fn advance(&self, state: &mut AdmittanceState, dt: f64) {
         let prepared = &self.law.propagator;
         let rest = dt - prepared.period;
@@ -99,7 +99,7 @@ impl<B: Block> Motion<'_, B> {
         let turning = w + self.setpoint_velocity - turned_w;
         let rates = (join(&v, &turning), self.acceleration(&start, &strained));
         let straight = p.constant.apply(&rates);
-        // A spring that swings faster than the period shows is taken as straight within it.
+        // A spring that oscillates faster than the period can show counts as linear within the period.
         let (moved, gained) = if p.shows_bend {
             self.bent(&start, &strained, (&turning, &turned_w), &straight, p)
         } else {
@@ -109,7 +109,7 @@ impl<B: Block> Motion<'_, B> {
         state.translation_w += translation;
         state.rotation = so3::exp(&turn) * start.rotation;
         state.twist_w += gained;
-        // Under a set-point that does not turn, the work is known well enough for every spring.
+        // Under a set-point that does not rotate, the work is known well enough for every spring.
         let swings = self.law.fastest * p.period > SWINGS && self.setpoint_velocity == Vector3::zeros();
         if (swings || !p.shows_bend) && self.spring.has_potential() {
             let yielded = moved - (rates.0 - start.twist_w) * p.period;
@@ -119,7 +119,7 @@ impl<B: Block> Motion<'_, B> {
         }
     }
 
-    /// Takes from the motion what energy it has beyond that of the start and the work done on it.
+    /// Removes from the motion the energy beyond that of the start and the work done on it.
     fn keep_passive(&self, state: &mut AdmittanceState, start: &AdmittanceState, work: f64) {
         let moving = |s: &AdmittanceState| 0.5 * s.twist_w.dot(&self.law.mass.apply(&s.twist_w));
         let stored = |s: &AdmittanceState| self.spring.energy(&s.translation_w, &s.rotation);
@@ -131,9 +131,9 @@ impl<B: Block> Motion<'_, B> {
         }
     }
 
-    /// What the spring and the turning set-point add to the straight motion is taken by its value and
-    /// slope at the begin and its value at the end, as a polynomial of second degree in time: third
-    /// order, and exact where the spring is straight.
+    /// The parts that the spring and the rotating set-point add to the linear motion are described by their value and
+    /// slope at the begin and their value at the end, as a polynomial of second degree in time. The method has third
+    /// order, and is exact if the spring is linear.
     fn bent(
         &self,
         start: &AdmittanceState,
@@ -168,7 +168,7 @@ impl<B: Block> Motion<'_, B> {
         (moved + bent.0, gained + bent.1)
     }
 
-    /// On by a small part of a period, or back.
+    /// Moves by a small part of a period, forwards or backwards.
     fn taylor_step(&self, state: &mut AdmittanceState, dt: f64) {
         let (v, w) = halves(&state.twist_w);
         let turning = w + self.setpoint_velocity - state.rotation * self.setpoint_velocity;

@@ -1,11 +1,10 @@
 //! The spring between the set-point and the reference.
 //!
-//! The printed rotational spring, `K_R vee(Q)` with `Q = R_r R_d^T`, is the derivative of no
-//! potential where K_R is not isotropic: a turn that ends where it began gains energy. The spring
-//! here is that of `V = tr(G (I - Q))` with `G = tr(K_R)/2 I - K_R` (control.md section 6): its torque,
-//! `2 vee(Q G)`, is the printed one for an isotropic K_R, for turns about a principal axis and for
-//! small angles. It pulls back from every side only where no stiffness is larger than the sum of
-//! the two others; otherwise the printed form stays.
+//! The printed rotational spring, `K_R vee(Q)` with `Q = R_r R_d^T`, is not the derivative of a potential if K_R is
+//! not isotropic: a rotation that ends where it began gains energy. The spring here is that of `V = tr(G (I - Q))`
+//! with `G = tr(K_R)/2 I - K_R`. Its torque, `2 vee(Q G)`, equals the printed one for an isotropic K_R, for rotations
+//! about a principal axis and for small angles. It pulls back from every side only if no stiffness is larger than the
+//! sum of the two others; otherwise the printed form is used.
 
 use super::halves;
 use crate::{
@@ -16,11 +15,11 @@ use crate::{
 /// The spring's wrench on the reference is `-wrench`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Spring {
-    /// N/m.
+    /// Translational stiffness, N/m.
     translation: Matrix3,
     /// Force by rotation, N, and its transpose: torque by translation.
     coupling: Matrix3,
-    /// N m/rad.
+    /// Rotational stiffness, N m/rad.
     rotation: Matrix3,
     /// The torque is `outer 2 vee(Q g)`.
     g: Matrix3,
@@ -54,7 +53,7 @@ impl Spring {
         self.outer.is_none()
     }
 
-    /// What is stored in it, J.
+    /// The stored energy, J.
     pub(super) fn energy(&self, translation: &Vector3, turn: &Matrix3) -> f64 {
         let cross = translation.dot(&(self.coupling * vee(turn)));
         0.5 * translation.dot(&(self.translation * translation))
@@ -62,7 +61,7 @@ impl Spring {
             + (self.g * (Matrix3::identity() - turn)).trace()
     }
 
-    /// At a deviation; without `coupled` translation and rotation do not act on each other.
+    /// The spring at a deviation; without `coupled`, translation and rotation do not act on each other.
     pub(super) fn at(&self, translation: &Vector3, turn: &Matrix3, coupled: bool) -> Strained {
         let turned = turn * self.g;
         let mut force = self.translation * translation;
@@ -74,8 +73,8 @@ impl Spring {
         Strained { wrench: join(&force, &torque), turned }
     }
 
-    /// Rate of the wrench, where the deviation moves at `velocity` and turns at `turning`, less
-    /// that of the linear spring.
+    /// Rate of the wrench if the deviation moves at `velocity` and rotates at `turning`, minus the rate of the linear
+    /// spring.
     pub(super) fn rate(
         &self,
         strained: &Strained,

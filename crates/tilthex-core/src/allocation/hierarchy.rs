@@ -1,21 +1,18 @@
 //! Lexicographic least squares in a box, by a primal active-set search.
 //!
-//! For rows `A` in priority levels 1..k, targets `b` and bounds `l <= x <= h`:
-//! level 1 minimises `|A_1 x - b_1|`; each further level does so without
-//! changing what the levels before it reached; the last chooses, of all that
-//! are left, the `x` nearest to a preferred one.
+//! For rows `A` in priority levels 1..k, targets `b` and bounds `l <= x <= h`: level 1 minimises `|A_1 x - b_1|`.
+//! Each further level does the same without changing the results of the levels before it. Last, of all solutions that
+//! are left, the `x` nearest to a preferred one is chosen.
 //!
-//! The search keeps `x` inside the box at all times, so that it may be stopped
-//! anywhere. It moves in the null space of the levels already settled, restricted
-//! to the variables that are free; an orthonormal basis of the settled rows
-//! (modified Gram-Schmidt, inner products over the free variables only) is carried
-//! over all variables, so that the entries at the held ones are the reduced
-//! gradients: the multipliers of their bounds come without a further solve.
-//! A bound with a non-zero multiplier at the end of a level cannot be left
-//! without loss there, so it is fixed for all later levels.
+//! The search keeps `x` inside the box at all times, so that it may be stopped at any step. It moves in the null
+//! space of the levels already settled, restricted to the variables that are free. An orthonormal basis of the
+//! settled rows (modified Gram-Schmidt, inner products over the free variables only) is kept over all variables. Its
+//! entries at the held variables are the reduced gradients, so that the multipliers of their bounds need no further
+//! solve. A bound with a non-zero multiplier at the end of a level cannot be left without loss there, so it is fixed
+//! for all later levels.
 //!
-//! Indices that the optimiser cannot bound are cut to their range: the proof
-//! that no step can panic needs it (`crates/tilthex-proof`).
+//! Indices that the optimiser cannot bound are limited to their range, because the proof that no step can panic needs
+//! it (`crates/tilthex-proof`).
 #![allow(clippy::needless_range_loop)] // an index runs along several vectors
 
 mod basis;
@@ -27,15 +24,15 @@ use small::{forward_substitution, least_squares};
 
 /// Rows of a wrench.
 pub(super) const ROWS: usize = 6;
-/// Most rows of one level.
+/// Largest number of rows of one level.
 const LEVEL_ROWS: usize = 3;
 /// Projected rows and reduced gradients below this part of their scale count as zero.
 const ZERO: f64 = 1e-10;
 /// A level whose scaled residual is below this is met.
 const MET: f64 = 1e-12;
-/// Steps shorter than this part of the box are rounding.
+/// Steps shorter than this part of the box are rounding errors.
 const STALLED: f64 = 1e-12;
-/// A search stops here at the latest, with a feasible point; see [`super::MAX_ITERATIONS`].
+/// Largest number of steps; a search that reaches it ends with a feasible point; see [`super::MAX_ITERATIONS`].
 pub(super) const MAX_ITERATIONS: u32 = 100;
 
 /// Where a variable is held.
@@ -45,7 +42,7 @@ pub(super) enum Side {
     Free,
     Lower,
     Upper,
-    /// For good: by equal bounds, or by a multiplier of a level already settled.
+    /// Fixed: by equal bounds, or by a multiplier of a level already settled.
     Fixed,
 }
 
@@ -64,8 +61,8 @@ pub(super) struct Problem<'a, const N: usize> {
 pub(super) struct Solution<const N: usize> {
     pub x: [f64; N],
     pub side: [Side; N],
-    /// Changes of the set of held variables, plus one a level.
-    /// More than [`MAX_ITERATIONS`] where the search was stopped.
+    /// Changes of the set of held variables, plus one per level. More than [`MAX_ITERATIONS`] if the search was
+    /// stopped.
     pub iterations: u32,
 }
 
@@ -97,9 +94,9 @@ struct Search<'a, const N: usize> {
     stalled: bool,
 }
 
-/// What a level's rows leave to do in the null space of the basis.
+/// The step that a level's rows make in the null space of the basis.
 struct LevelStep<const N: usize> {
-    /// The rows, less their part in the basis of the levels before.
+    /// The rows, without their part in the basis of the levels before.
     reduced: [[f64; N]; LEVEL_ROWS],
     step: [f64; N],
     /// `b - A x` after the whole step.
@@ -357,7 +354,7 @@ impl<'a, const N: usize> Search<'a, N> {
         self.basis.count
     }
 
-    /// The held, not fixed, variable that moves most a row which no free one moves.
+    /// Of the held variables that are not fixed, the one that moves most a row which no free variable moves.
     fn tied(&self, row: &[f64; N]) -> Option<usize> {
         let mut best = ZERO;
         let mut chosen = None;

@@ -11,7 +11,7 @@ use crate::{
 };
 use libm::sqrt;
 
-/// Rows of a level smaller than this part of the matrix' largest entry are none.
+/// Rows of a level that are smaller than this part of the matrix' largest entry count as zero.
 const NO_EFFECT: f64 = 1e-12;
 
 /// Rows in the order of their level: `row . (u / input_scale) = w / wrench_scale`.
@@ -28,7 +28,7 @@ pub(super) struct Levels {
 }
 
 impl Levels {
-    /// One level a priority.
+    /// One level for each priority.
     pub(super) fn by_priority(vehicle: &Vehicle, order: &[Priority; 4]) -> Self {
         Self::new(vehicle, order.iter().map(|p| p.rows()))
     }
@@ -133,7 +133,7 @@ impl Levels {
         let guess = core::array::from_fn(|i| state.side[i]);
         let solution = hierarchy::solve(&problem, &head(&state.inputs), &guess);
         for i in 0..N {
-            // At a limit it is the limit itself, not what scaling makes of it.
+            // At a limit, the input is set to the limit exactly, without the rounding of the scaling.
             state.inputs[i] = (solution.x[i] * self.input_scale).max(limits.0[i]).min(limits.1[i]);
             state.side[i] = solution.side[i];
         }

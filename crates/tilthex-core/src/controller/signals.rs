@@ -1,4 +1,4 @@
-//! What goes into the controller, what moves in it, and what comes out.
+//! The inputs, the state and the outputs of the controller.
 
 use super::{
     AdmittanceState, Allocation, AllocatorState, AttitudeState, BiasEstimator, Contact, ContactState,
@@ -6,26 +6,26 @@ use super::{
     Vector3, Vector6, Vehicle, Wrench, WrenchObserverState, tool_wrench,
 };
 
-/// What moves in the controller.
+/// The state of the controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ControllerState {
     /// The wrench observer's.
     pub observer: WrenchObserverState,
-    /// Observed force, N, world, as an unyielding flight compensates it.
+    /// Observed force, N, world, that an unyielding flight compensates.
     pub lasting_force_w: Vector3,
-    /// What is believed of wind and contact.
+    /// The estimate of wind and contact.
     pub contact: ContactState,
     /// The low-pass filter's.
     pub low_pass: LowPassState,
     /// The admittance filter's.
     pub admittance: AdmittanceState,
-    /// How far a wrench set-point has carried the tool.
+    /// The distance by which a wrench set-point has moved the tool.
     pub free_wrench: FreeWrenchState,
-    /// Energy that the reference may put into what the tool touches, J: empty at the begin.
+    /// Energy that the reference may still give to what the tool touches, J; zero at the begin.
     pub energy_tank: f64,
-    /// Wrench (force and torque in R) observed in a contact-free hover: no contact.
+    /// Wrench (force and torque in R) observed in a contact-free hover; it counts as no contact.
     pub bias_r: Wrench,
-    /// Its estimator, running while [`ControllerInput::learn_bias`] is set.
+    /// The estimator of the bias, active while [`ControllerInput::learn_bias`] is set.
     pub bias_estimator: BiasEstimator,
     /// The attitude selector's.
     pub attitude: AttitudeState,
@@ -50,7 +50,7 @@ impl ControllerState {
             self.observer.wrench = observed;
         }
         self.observer.forget_sample();
-        // The filter has seen what is no longer there.
+        // Removes from the low-pass the wrench that is no longer observed.
         let tool_w = tool_wrench(&self.observer.wrench, &now.rotation_wr, &after.tool().position_r);
         self.low_pass.output = tool_w.to_vector();
         self.bias_r = Wrench::ZERO;
@@ -58,7 +58,7 @@ impl ControllerState {
     }
 }
 
-/// What is known at the start of a tick.
+/// The inputs of a tick.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerInput {
     /// Pose and twist of the robot.
@@ -67,27 +67,25 @@ pub struct ControllerInput {
     pub specific_force_r: Vector3,
     /// Measured rotor speeds, Hz.
     pub rotor_speeds: RotorVector,
-    /// What the tool is asked to do.
+    /// The commanded set-point of the tool.
     pub setpoint: Setpoint,
-    /// Whether contact moves the reference. Without it the reference returns
-    /// to the set-point as the admittance filter's spring and damper let it:
-    /// neither way does it jump.
+    /// Whether contact moves the reference. If not, the spring and damper of the admittance filter return the
+    /// reference to the set-point. The reference never jumps.
     pub compliant: bool,
-    /// Where the reference must not yield (take-off, the hover to learn from, landing, emergency): the vertical force
-    /// that the rotors are asked for, N, at least and at most. Then the observed wrench is compensated only as far as
-    /// errors of the model explain it, so that nothing that is touched is pushed harder and harder, and a filter of its
-    /// own brings the reference back, whatever the admittance is.
+    /// Set if the reference must not yield (take-off, the hover to learn from, landing, emergency): the smallest and
+    /// the largest vertical force of the rotors, N. Then the observed wrench is compensated only as far as errors of
+    /// the model explain it, so that the tool does not press harder and harder on what it touches. A separate filter
+    /// returns the reference, whatever the configured admittance is.
     pub unyielding: Option<[f64; 2]>,
-    /// Whether this is a contact-free hover to learn the bias from; the mean
-    /// is taken over when it ends.
+    /// Whether this is a contact-free hover to learn the bias from. The mean becomes the bias when it ends.
     pub learn_bias: bool,
-    /// Bit `i` is set where rotor `i` (from 0) is lost: it counts as standing still.
+    /// Bit `i` is set if rotor `i` (from 0) is lost: it counts as standing still.
     pub lost_rotors: u16,
-    /// Whether the reference's attitude is flown as it is, whatever lateral force that leaves.
+    /// Whether the reference's attitude is flown unchanged, even if lateral force is missing.
     pub fixed_attitude: bool,
 }
 
-/// The command, and all that led to it.
+/// The command, and the values from which it follows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerOutput {
     /// Commanded rotor speeds, Hz.
@@ -96,23 +94,23 @@ pub struct ControllerOutput {
     pub wrench_robot: Wrench,
     /// External wrench at the tool, W, bias removed, before low-pass and dead zone.
     pub wrench_tool_w: Wrench,
-    /// What entered the admittance filter: behind low-pass and dead zone, without what is wind.
+    /// Input of the admittance filter: after low-pass and dead zone, without the wind.
     pub wrench_admittance_w: Wrench,
-    /// What of the observed wrench is wind, and what contact.
+    /// The parts of the observed wrench: wind and contact.
     pub told: Contact,
-    /// What the tool is asked to do.
+    /// The commanded set-point of the tool.
     pub setpoint: Setpoint,
     /// Whether contact moves the reference.
     pub compliant: bool,
     /// Reference of the tool.
     pub reference: Setpoint,
-    /// Reference of the centre of mass, turned where the force needs it.
+    /// Reference of the centre of mass, turned if the force needs it.
     pub robot_reference: Reference,
     /// Errors and wanted accelerations of the pose controller.
     pub pose: PoseCommand,
     /// Wanted body wrench `[force_r; torque_r]`.
     pub wanted_wrench_r: Vector6,
-    /// What the allocator made of it.
+    /// The result of the allocator.
     pub allocation: Allocation,
     /// Whether the admittance filter's excursion limit is active.
     pub excursion_limited: bool,

@@ -1,14 +1,14 @@
 //! Bayesian least squares over the errors of a vehicle's model.
 //!
-//! The unknowns are counted in their prior standard deviations, so that the prior covariance is the
-//! identity. A hover without contact says, in robot coordinates about the true centre of mass,
+//! The unknowns are in units of their prior standard deviations, so that the prior covariance is the identity. For a
+//! hover without contact, in robot coordinates about the true centre of mass,
 //!
 //! ```text
 //! 0 = F1 u - m (s - b)        0 = F2 u - d/dt (J omega)
 //! ```
 //!
-//! with the true F1, F2 and m and the accelerometer bias b that the estimator has left. It is linear in all
-//! unknowns to first order; the rest is taken in by linearising again where the last solution was.
+//! with the true F1, F2 and m and the accelerometer bias b that the estimator has not removed. The equations are
+//! linear in all unknowns to first order; higher orders are included by linearising again about the last solution.
 
 use super::{Hover, ModelPrior};
 use crate::{
@@ -20,17 +20,17 @@ use libm::sqrt;
 
 /// Unknowns of the body: mass, common thrust, drag moment, centre of mass (3), accelerometer bias (3).
 const BODY: usize = 9;
-/// Unknowns of a rotor: its thrust, and its axis across itself (2).
+/// Unknowns of a rotor: its thrust, and its axis in the two directions normal to it.
 const EACH: usize = 3;
 const UNKNOWNS: usize = BODY + EACH * MAX_ROTORS;
 
-/// Standard deviations of a hover's mean force, N, and torque, N m, an axis.
+/// Standard deviations of a hover's mean force, N, and torque, N m, per axis.
 const NOISE: (f64, f64) = (0.02, 0.005);
-/// Linearisations.
+/// Number of linearisations.
 const ROUNDS: usize = 3;
 
 type Row = [f64; UNKNOWNS];
-/// What a hover's balance changes by with each unknown: force and torque.
+/// Derivative of a hover's balance by each unknown: force and torque.
 type Columns = [Wrench; UNKNOWNS];
 
 /// The unknowns, in prior deviations, and their covariance.
@@ -43,7 +43,7 @@ pub(super) struct Estimate {
 }
 
 impl Estimate {
-    /// Before any hover.
+    /// The estimate before any hover.
     pub(super) fn prior() -> Self {
         let mut covariance = [[0.0; UNKNOWNS]; UNKNOWNS];
         for (i, row) in covariance.iter_mut().enumerate() {
@@ -54,7 +54,7 @@ impl Estimate {
         Self { unknowns: [0.0; UNKNOWNS], covariance, misfit: 0.0 }
     }
 
-    /// What hovers say of a vehicle.
+    /// The estimate from some hovers of a vehicle.
     pub(super) fn of(vehicle: &Vehicle, prior: &ModelPrior, hovers: &[Hover]) -> Self {
         let mut estimate = Self::prior();
         for _ in 0..ROUNDS {
@@ -73,7 +73,7 @@ impl Estimate {
         estimate
     }
 
-    /// Takes in a scalar measurement `row . unknowns`.
+    /// Adds a scalar measurement `row . unknowns`.
     fn update(&mut self, row: &Row, measured: f64, variance: f64) {
         let mut gain = [0.0; UNKNOWNS];
         for (g, covariance) in gain.iter_mut().zip(&self.covariance) {
@@ -97,7 +97,7 @@ impl Estimate {
         self.unknowns.iter().all(|x| x.abs() <= times)
     }
 
-    /// The correction that it makes.
+    /// The correction of the vehicle that follows from the estimate.
     pub(super) fn correction(&self, vehicle: &Vehicle, prior: &ModelPrior) -> Correction {
         correction(vehicle, prior, &self.unknowns)
     }
@@ -157,7 +157,7 @@ impl Estimate {
                 inputs: vehicle.hover_inputs(&up_r),
             };
             let (_, mut columns) = linearised(vehicle, prior, &[0.0; UNKNOWNS], &hover);
-            // What is left of the accelerometer's bias is the estimator's.
+            // The estimator removes the accelerometer's bias later.
             columns.iter_mut().take(BODY).skip(6).for_each(|c| *c = Wrench::ZERO);
             for axis in 0..6 {
                 let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
@@ -185,9 +185,9 @@ fn unit(parts: &[(usize, f64)]) -> Row {
     row
 }
 
-/// Two unit vectors across a rotor's axis; none where the axis is kept.
+/// Two unit vectors normal to a rotor's axis; zero if the axis is not estimated.
 fn across(vehicle: &Vehicle, axis_r: &Vector3) -> [Vector3; 2] {
-    // Axes that are all parallel are so by design: turned ones would look like lateral force.
+    // Axes that are all parallel are parallel by design: rotated axes would look like lateral force.
     if vehicle.rank() < 6 {
         return [Vector3::zeros(); 2];
     }
@@ -227,7 +227,7 @@ fn correction(vehicle: &Vehicle, prior: &ModelPrior, unknowns: &Row) -> Correcti
     correction
 }
 
-/// The balance of a hover about some unknowns, which the true ones make zero, and its derivative by each.
+/// The balance of a hover about some unknowns, which is zero for the true ones, and its derivative by each unknown.
 fn linearised(vehicle: &Vehicle, prior: &ModelPrior, about: &Row, hover: &Hover) -> (Wrench, Columns) {
     let correction = correction(vehicle, prior, about);
     let ([.., bx, by, bz], _) = parts(about);

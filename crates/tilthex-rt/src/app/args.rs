@@ -37,7 +37,7 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", global = true)]
     pub config: Option<PathBuf>,
 
-    /// Where poses come from, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
+    /// Source of the poses, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
     #[arg(long, value_name = "URI", global = true)]
     pub mocap: Option<String>,
 
@@ -61,7 +61,7 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["port", "mocap"])]
     pub sim: bool,
 
-    /// With --sim: what pushes the tool, and when
+    /// With --sim: a file of pushes on the tool
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
@@ -70,7 +70,7 @@ pub struct Args {
     #[arg(long, value_name = "LEVEL", requires = "sim")]
     pub truth: Option<String>,
 
-    /// With --sim: chooses the simulated vehicle and its sensors' noise
+    /// With --sim: seed of the simulated vehicle and its sensors' noise
     #[arg(long, requires = "sim", default_value_t = 1)]
     pub seed: u64,
 
@@ -97,7 +97,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "prefer", global = true)]
     pub realtime: Demand,
 
-    /// Beside the loop, run a thread that only sleeps, and say what the machine took from it; always with --sim
+    /// Also run a thread that only sleeps, and report its delays for comparison; always with --sim
     #[arg(long)]
     pub reference: bool,
 
@@ -106,10 +106,10 @@ pub struct Args {
     pub print_config: bool,
 }
 
-/// What to do instead of flying.
+/// An action instead of a flight.
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Action {
-    /// Check this computer before a flight, and say what to mend
+    /// Check this computer before a flight, and say what to correct
     Doctor,
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit
     Replay {
@@ -159,7 +159,7 @@ impl Args {
             return Ok(());
         }
         Err(Failure::usage(
-            "nothing starts the motors: let them start by themselves with --take-off, or by an order with --control",
+            "nothing can start the motors; give --take-off, or --control for the order take_off",
         ))
     }
 

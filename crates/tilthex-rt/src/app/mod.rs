@@ -37,7 +37,7 @@ pub fn run() -> Result<(), Failure> {
             match bad {
                 0 => Ok(()),
                 _ => Err(Failure::usage(format!(
-                    "{bad} of {} checks ask to be mended before a flight",
+                    "{bad} of {} checks failed; correct them before a flight",
                     checks.len()
                 ))),
             }
@@ -48,16 +48,13 @@ pub fn run() -> Result<(), Failure> {
             match (found.first_difference, found.missing) {
                 (None, None) => output::print("every recorded output is reproduced bit for bit\n"),
                 (None, Some(missing)) => {
-                    output::print(
-                        "every output that is there is reproduced bit for bit, but the log is cut\n",
-                    )?;
+                    output::print("every output in the log is reproduced bit for bit, but the log is cut\n")?;
                     let message = format!("{}: {missing}", log.display());
                     Err(Failure { kind: failure::Kind::Incomplete, message })
                 }
-                (Some((tick, topic)), _) => Err(Failure::fault(format!(
-                    "{}: {topic} of tick {tick} comes out otherwise",
-                    log.display()
-                ))),
+                (Some((tick, topic)), _) => {
+                    Err(Failure::fault(format!("{}: {topic} of tick {tick} differs", log.display())))
+                }
             }
         }
         Some(Action::Campaign { number, seed, faults, truth }) => {

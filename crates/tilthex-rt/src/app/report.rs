@@ -60,7 +60,7 @@ pub(super) fn print(
         let parts: Vec<_> =
             s.given_up.iter().map(|(part, seconds)| format!("{} for {seconds:.2} s", part.name())).collect();
         let given_up = if parts.is_empty() { "nothing".into() } else { parts.join(", ") };
-        say!("given up            {given_up}: what the rotors' limits did not let the vehicle have");
+        say!("given up            {given_up}: parts of the wrench that the rotors' limits did not allow");
     }
     if simulated.is_some() && s.flew {
         say!(
@@ -87,7 +87,7 @@ pub(super) fn print(
     }
     match (&recorded.latest.error, config.log().path.is_empty()) {
         (None, _) if recorded.moved => say!(
-            "log                 {} is no longer there: somebody has moved or replaced it in flight",
+            "log                 {} is no longer there: it was moved or replaced in flight",
             config.log().path
         ),
         (Some(error), _) => say!("log                 {} breaks off: {error}", config.log().path),
@@ -141,8 +141,8 @@ pub(super) fn outcome(
         }
         Some(End::NoVehicle) => {
             let heard = match &recorded.latest.statistics.last_text {
-                Some(text) => format!("what answered says \"{text}\""),
-                None => "nothing understandable answered".into(),
+                Some(text) => format!("the answer was \"{text}\""),
+                None => "no answer could be decoded".into(),
             };
             Err(Failure::link(format!(
                 "{port}: no vehicle identified itself: {heard}; expected {}: check port, power and speed of the line",
@@ -154,7 +154,7 @@ pub(super) fn outcome(
              later; check cable and adapter"
         ))),
         Some(End::LinkLost { in_flight: false }) => {
-            Err(Failure::link(format!("{port} went away: check cable and adapter")))
+            Err(Failure::link(format!("{port} disappeared: check cable and adapter")))
         }
         Some(End::Refused(_, Some(motor))) => {
             Err(Failure::fault(format!("the motors were not started: {motor}")))
@@ -163,7 +163,7 @@ pub(super) fn outcome(
             Err(Failure::fault(format!("the motors were not started: {}", causes(faults))))
         }
         Some(End::NotReady { link_ready: false, .. }) => Err(Failure::link(format!(
-            "{port}: the vehicle's streams did not come; check speed and load of the line"
+            "{port}: the vehicle's streams did not start; check speed and load of the line"
         ))),
         Some(End::NotReady { faults, .. }) if !faults.is_empty() => {
             Err(Failure::fault(format!("not ready to start: {}", causes(faults))))
@@ -175,7 +175,9 @@ pub(super) fn outcome(
             Err(Failure::fault(format!("not ready to start: {reason}")))
         }
         Some(End::NotReady { .. }) => Err(Failure::fault("not ready to start: the streams are not complete")),
-        None => Err(Failure::fault("the loop broke off; what it sent last stays in force for 0.5 s")),
+        None => {
+            Err(Failure::fault("the loop ended unexpectedly; the vehicle keeps the last command for 0.5 s"))
+        }
     }
 }
 

@@ -131,8 +131,7 @@ impl Session {
         if self.admitted {
             return Reply::of(json!({"id": id, "ok": true}));
         }
-        let reason =
-            "authenticate: this flight takes orders from whoever says its token first, and this is not it";
+        let reason = "authenticate: the token is wrong or missing; this flight takes orders only from clients that first send its token";
         Reply { line: Some(self.refuse(id, reason)), ends: true }
     }
 

@@ -249,7 +249,7 @@ impl Process {
         match self.closed() {
             Some((status, said)) if status.code() == Some(2) => SimError::refused(said),
             Some((status, said)) if self.begun => SimError::world(format!(
-                "the world's process {} ended by itself ({status}): {said}; start anew",
+                "the world's process {} ended by itself ({status}): {said}; start it again",
                 self.name
             )),
             Some((status, said)) => SimError::refused(format!(
