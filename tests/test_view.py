@@ -99,7 +99,7 @@ def test_who_may_open_the_page(token, path, headers, says):
         ("0.0.0.0:8080", "every network"),
         ("[::]:8080", "every network"),
         ("[::ffff:0.0.0.0]:8080", "every network"),
-        ("no-such-host.invalid:8080", "no address"),
+        ("no-such-host.invalid:8080", "not an address"),
     ],
 )
 def test_an_address_that_is_none_is_one_sentence(address, says):

@@ -154,7 +154,7 @@ pub(super) fn outcome(
              later; check cable and adapter"
         ))),
         Some(End::LinkLost { in_flight: false }) => {
-            Err(Failure::link(format!("{port} disappeared: check cable and adapter")))
+            Err(Failure::link(format!("{port} went away: check cable and adapter")))
         }
         Some(End::Refused(_, Some(motor))) => {
             Err(Failure::fault(format!("the motors were not started: {motor}")))
