@@ -210,11 +210,12 @@ class Flight:
         """Sets the wrench, N and N m, that the tool shall exert on the environment (world, at the tool).
 
         Args:
-            force: (3,), N.
-            torque: (3,), N m.
-            force_axes: axes of x, y, z (force) and rx, ry, rz (torque) along which the wrench is controlled
-                instead of the pose: those of the tool.
-            surface: (3, 3), maps coordinates of a surface to world coordinates: then the axes are its own.
+            force: Force, (3,), N.
+            torque: Torque, (3,), N m.
+            force_axes: Axes along which the wrench is controlled instead of the pose: x, y, z for force and
+                rx, ry, rz for torque. They are axes of the tool.
+            surface: (3, 3), maps coordinates of a surface to world coordinates. If it is given, the axes are
+                those of the surface.
         """
         order = {"force": _array(force, (3,), "force"), "torque": _array(torque, (3,), "torque")}
         if surface is not None:

@@ -1,4 +1,4 @@
-"""Pressing: the force along the board's normal against the commanded one."""
+"""Pressing: the force along the normal of the board, compared with the commanded force."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from tilthex.experiments.spec import Run
 
 
 def along_normal(run: Run, record: Record) -> tuple[Vector, float]:
-    """True force of the tool on the board along its normal, a row each, and the commanded one, N."""
+    """True force of the tool on the board along its normal, one per row, and the commanded one, N."""
     inward = -run.scene().rotation[:, 2]
     commanded = next(point.wrench for point in run.waypoints if point.phase == "rest")
     return -record.true_wrench[:, :3] @ inward, float(np.array(commanded[:3]) @ inward)
 
 
 def checks(run: Run, record: Record) -> list[Check]:
-    """Steady force, force while sliding, and where the tool is along the board."""
+    """Steady force, force while sliding, and position of the tool along the board."""
     pressed, commanded = along_normal(run, record)
     rest = np.flatnonzero(record.during("rest"))
     settled = rest[record.time[rest] > record.time[rest[0]] + run.judge["settled"]]
@@ -46,7 +46,7 @@ def checks(run: Run, record: Record) -> list[Check]:
 
 
 def figures(flights: Flights) -> Figures:
-    """Force along the normal against the commanded one, and figure 8 for every run."""
+    """Force along the normal and the commanded force, and figure 8 for every run."""
     figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
     for run, record in flights:
         pressed, commanded = along_normal(run, record)
