@@ -1,4 +1,4 @@
-"""A log for Foxglove: the log's own channels, poses and a scene beside them, and a layout.
+"""A log for Foxglove: the channels of the log, poses and a scene in addition, and a layout.
 
 `foxglove.PoseInFrame` on `/setpoint_pose` and `/reference_pose`, and `foxglove.SceneUpdate` on `/scene`: the
 vehicle in the frame `robot` of the log's own `/tf`, and the observed wrench as arrows in `world`.
@@ -30,7 +30,7 @@ Message = tuple[int, int | str, Any]
 PERIOD = 0.02
 """Time between two poses, s."""
 AGAIN = 1.0
-"""The vehicle is written again so often, s: a viewer that jumps finds it."""
+"""Time between two messages with the vehicle, s, so that a viewer that jumps in time finds it."""
 
 
 def write(log: Log, out: Path) -> None:
@@ -53,7 +53,7 @@ def write(log: Log, out: Path) -> None:
         writer.start(library="tilthex")
         for name, data in log.attachments.items():
             writer.add_attachment(0, 0, name, "text/plain", data)
-        # Of the log's channels by their numbers, of the new ones by their topics.
+        # Channels of the log by number, new channels by topic.
         channels: dict[int | str, int] = {}
         for number, (topic, encoding, schema) in log.channels.items():
             known = writer.register_schema(*schema)
@@ -77,7 +77,7 @@ def write(log: Log, out: Path) -> None:
 
 
 class Scene:
-    """The messages of a flight that Foxglove's 3-D panel knows."""
+    """The messages of a flight for Foxglove's 3-D panel."""
 
     def __init__(self, config: Config) -> None:
         from foxglove_schemas_protobuf import (
@@ -94,10 +94,10 @@ class Scene:
         self._config = config
 
     def messages(self, flown: Flown) -> Iterator[Message]:
-        """In the order of their times."""
+        """The messages in the order of their times."""
         shown = drawn = -float("inf")
         for row, at in enumerate(flown.times):
-            # Half a tick early is in time.
+            # A message may be up to half a tick early.
             if at - shown < PERIOD - 1e-3:
                 continue
             shown = at
@@ -158,12 +158,12 @@ class Scene:
 
 
 def turn(axis: Any, direction: Array) -> Array:
-    """The shortest rotation (3, 3) that takes a unit axis to a direction."""
+    """The shortest rotation (3, 3) that maps a unit axis to a direction."""
     begin, end = np.asarray(axis, dtype=float), direction / np.linalg.norm(direction)
     across = np.cross(begin, end)
     sine, cosine = float(np.linalg.norm(across)), float(begin @ end)
     if sine < 1e-9:
-        # Along, or half a turn about anything across.
+        # The same direction, or the opposite one: then 180 deg about any axis normal to it.
         other = np.cross(begin, np.eye(3)[np.argmin(np.abs(begin))])
         return np.eye(3) if cosine > 0.0 else so3.exp(np.pi * other / np.linalg.norm(other))
     return so3.exp(np.arctan2(sine, cosine) * across / sine)
@@ -188,7 +188,7 @@ def _paint(colour: Any, rgb: tuple[int, int, int], opacity: float) -> None:
 
 
 def layout(rotors: int) -> dict[str, Any]:
-    """A layout of Foxglove: scene, phase, lines of text, and plots of a vehicle of so many rotors."""
+    """A layout of Foxglove for a vehicle with `rotors` rotors: scene, phase, lines of text, and plots."""
     plots = {
         "Plot!position": _plot("tool position, m", ["/setpoint.position_w", "/reference.position_w"]),
         "Plot!error": _plot("position error, m", ["/control.position_error_w"]),

@@ -51,7 +51,7 @@ def write(log: Log, out: Path) -> None:
 
 
 class Columns:
-    """The flight's columns, all on two time lines: `log_time` and `flight`, from its begin."""
+    """The flight's columns on two time lines: `log_time`, and `flight` from the begin of the flight."""
 
     def __init__(self, rr: Any, stream: Any, flown: Flown) -> None:
         self._rr, self._stream, self._flown = rr, stream, flown
@@ -61,7 +61,7 @@ class Columns:
         ]
 
     def send(self) -> None:
-        """Sends everything."""
+        """Sends all columns."""
         samples = [self._flown.sample(row) for row in range(len(self._flown.times))]
         config = self._flown.config
         self._poses("robot", [sample.robot for sample in samples])
