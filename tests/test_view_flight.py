@@ -83,9 +83,9 @@ def live(served, *arguments, config=None):
     """The page of a simulated flight: its page, its port, and what it told the operator."""
     program("tilthex-rt")
     ended, told = threading.Event(), []
-    with simulated.flight(list(map(str, arguments))) as port:
+    with simulated.flight(list(map(str, arguments))) as (port, push_port):
         connector = cli.connector(f"127.0.0.1:{port}", None)
-        page = Live(served, config or DEFAULT, connector, "sim")
+        page = Live(served, config or DEFAULT, connector, "sim", push_port)
         tell = page.page.tell
         page.page.tell = lambda title, text: (told.append(title), tell(title, text))
         thread = threading.Thread(target=page.run, args=(ended,))
@@ -116,12 +116,21 @@ def test_orders_without_a_browser(served, tmp_path):
         page.pilot.order("wrench", lambda flight: flight.set_wrench([np.nan, 0.0, 0.0]))
         page.pilot.order("follow", lambda flight: flight.follow([0.0, 0.0, 1.0], np.eye(3)))
         until(lambda: {"wrench is no order", "follow is refused"} <= set(told))
+        # Far more than the most, which a hand holds until it lets go.
+        page.hand.pull(np.array([0.0, 60.0, -80.0]))
+        time.sleep(1.0)
+        page.hand.release()
         # Nobody looks at the page.
         assert not page.presence()
         page.pilot.urgent("kill", lambda flight: flight.kill())
         until(lambda: "the flight has ended" in told or "the flight is gone" in told)
         with pytest.raises(ConnectionError):
             tilthex.connect(port=port).close()
+    pushes = log.read(path, ["/truth"])["/truth"]["tool_wrench_w.force"]
+    pushed = np.any(pushes != 0.0, axis=1)
+    assert np.allclose(pushes[pushed], [0.0, 3.0, -4.0]) and not pushed[0] and not pushed[-1]
+    # 100 a second, through the time between the packets too.
+    assert pushed.sum() > 50 and np.all(pushed[np.argmax(pushed) :][: pushed.sum()])
     orders = [message.json for _, message in log.Log(path).messages("/command")]
     assert any('"stiffness":[6.0,6.0,8.5,10.0,10.0,5.0]' in order.replace(" ", "") for order in orders), (
         orders
@@ -154,6 +163,10 @@ def test_a_flight_is_steered_in_a_browser(served, tmp_path):
             tab.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())")
             time.sleep(20.0)
             tab.picture(Path(__file__).parent.parent / "docs" / "images" / "view.png")
+        page.hand.pull(np.array([1.4, 0.0, 0.0]))
+        until(lambda: page.pilot.newest.reference.position[0] > goal[0] + 0.1)
+        assert page.pilot.newest.force[0] > 1.0
+        page.hand.release()
         # Nobody looks any more, and somebody does again.
         tab.command("Page.navigate", url="about:blank")
         until(lambda: not page.presence())

@@ -108,14 +108,14 @@ def _prepare(
 
     path = arguments.config
     config = Config.default(Vehicle.preset("tilt-hex")) if path is None else Config.from_toml(path)
-    address, title = arguments.control, f"flight at {arguments.control}"
+    address, title, push_port = arguments.control, f"flight at {arguments.control}", None
     if arguments.sim:
         from tilthex.view import simulated
 
-        port = stack.enter_context(simulated.flight([] if path is None else ["--config", str(path)]))
-        address, title = f"127.0.0.1:{port}", "simulated flight"
+        ports = stack.enter_context(simulated.flight([] if path is None else ["--config", str(path)]))
+        address, title, push_port = f"127.0.0.1:{ports.control}", "simulated flight", ports.pushes
     connection = connector(address, arguments.control_token_file)
-    return lambda server: Live(server, config, connection, title).run
+    return lambda server: Live(server, config, connection, title, push_port).run
 
 
 def connector(address: str, token_file: Path | None) -> Callable[[Callable[[], bool] | None], Flight]:

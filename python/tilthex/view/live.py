@@ -7,9 +7,11 @@ import time
 from typing import TYPE_CHECKING
 
 from tilthex.view.controls import Controls
+from tilthex.view.hand import Hand
 from tilthex.view.page import Page
 from tilthex.view.pilot import RATE, Connect, Pilot
 from tilthex.view.presence import Presence
+from tilthex.view.sample import tool_pose
 
 if TYPE_CHECKING:
     import viser
@@ -28,8 +30,15 @@ KEPT = 30.0
 class Live:
     """Shows the states of the flight, and gives the orders of the page."""
 
-    def __init__(self, server: viser.ViserServer, config: Config, connect: Connect, title: str) -> None:
-        """Connects to the flight.
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        config: Config,
+        connect: Connect,
+        title: str,
+        push_port: int | None = None,
+    ) -> None:
+        """Connects to the flight. One that is simulated takes pushes of its tool at a port, UDP.
 
         Raises:
             ConnectionError: No flight takes orders there.
@@ -41,6 +50,8 @@ class Live:
         self.page = Page(server, config, title, round(KEPT / FRAME))
         with self.page.controls:
             self.controls = Controls(server, self.pilot, config)
+        self._config = config
+        self.hand = None if push_port is None else Hand(server, push_port)
         self._shown: Sample | None = None
 
     def run(self, ended: threading.Event) -> None:
@@ -54,6 +65,8 @@ class Live:
                 if pictures % DRAW == 0:
                     self.page.charts.draw()
         finally:
+            if self.hand is not None:
+                self.hand.close()
             self.presence.close()
             self.pilot.close()
 
@@ -65,6 +78,8 @@ class Live:
         if sample is not self._shown:
             self._check(sample)
             self.page.charts.add(sample)
+            if self.hand is not None:
+                self.hand.ball.position = tool_pose(sample.robot, self._config).position
         self._shown = sample
         self.page.show(sample, link_age=max(0.0, time.monotonic() - self.pilot.arrived))
 

@@ -8,7 +8,7 @@ import subprocess
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import IO
+from typing import IO, NamedTuple
 
 from tilthex._programs import program
 
@@ -16,11 +16,22 @@ LANDING = 30.0
 """Time in which a flight that is ended in the air has to land, s."""
 
 
-@contextmanager
-def flight(arguments: Sequence[str]) -> Iterator[int]:
-    """Starts a simulated `tilthex-rt` and yields the port of its control socket.
+class Ports(NamedTuple):
+    """Of a simulated flight, on this computer."""
 
-    At the end the flight lands.
+    control: int
+    """TCP: orders and states."""
+    pushes: int
+    """UDP: pushes of the tool."""
+
+
+SAID = {"control": r"control socket at .*:(\d+)$", "pushes": r"pushes of the tool at .*:(\d+)$"}
+"""The lines in which the flight prints them."""
+
+
+@contextmanager
+def flight(arguments: Sequence[str]) -> Iterator[Ports]:
+    """Starts a simulated `tilthex-rt` and yields its ports. At the end the flight lands.
 
     Args:
         arguments: Arguments in addition to those that make it simulated and controlled.
@@ -29,7 +40,7 @@ def flight(arguments: Sequence[str]) -> Iterator[int]:
         OSError: It is not installed, or does not start; it prints the reason on standard error.
     """
     process = subprocess.Popen(
-        [program("tilthex-rt"), "--sim", "--control", "127.0.0.1:0", *arguments],
+        [program("tilthex-rt"), "--sim", "--control", "127.0.0.1:0", "--push-port", "0", *arguments],
         stdout=subprocess.PIPE,
         text=True,
         # An interrupt reaches only the page, which then ends the flight.
@@ -38,12 +49,12 @@ def flight(arguments: Sequence[str]) -> Iterator[int]:
     assert process.stdout is not None
     reader = threading.Thread(target=_drain, args=(process.stdout,), daemon=True)
     try:
-        port = _port(process.stdout)
-        if port is None:
+        ports = _ports(process.stdout)
+        if ports is None:
             raise OSError(f"the simulated flight does not start: tilthex-rt ended with {process.wait()}")
         # The output is not needed, but must be read.
         reader.start()
-        yield port
+        yield ports
     finally:
         _end(process)
         if reader.ident is not None:
@@ -62,10 +73,14 @@ def _end(process: subprocess.Popen[str]) -> None:
         process.wait()
 
 
-def _port(output: IO[str]) -> int | None:
+def _ports(output: IO[str]) -> Ports | None:
+    found: dict[str, int] = {}
     for line in output:
-        if found := re.match(r"control socket at .*:(\d+)$", line.strip()):
-            return int(found[1])
+        for name, said in SAID.items():
+            if match := re.match(said, line.strip()):
+                found[name] = int(match[1])
+        if len(found) == len(SAID):
+            return Ports(**found)
     return None
 
 

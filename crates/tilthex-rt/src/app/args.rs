@@ -65,6 +65,12 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
+    /// With --sim: take pushes of the tool, while it flies, from UDP packets to this port of 127.0.0.1 (0 for any,
+    /// which is printed): force and torque, six little-endian f64, N and N m, world axes. A push ends 0.3 s after
+    /// its last packet
+    #[arg(long, value_name = "PORT", requires = "sim")]
+    pub push_port: Option<u16>,
+
     /// With --sim: how the simulated vehicle differs from the model: exact, measured, cad, outdoors, or a TOML file
     /// with a `[truth]` table
     #[arg(long, value_name = "LEVEL", requires = "sim")]

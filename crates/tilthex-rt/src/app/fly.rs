@@ -7,7 +7,7 @@ use tilthex_config::{
     Config, TruthSection,
     orders::{self, Orders},
 };
-use tilthex_core::{PoseSample, flight::Command};
+use tilthex_core::{PoseSample, Wrench, flight::Command};
 use tilthex_link::LinkedFlight;
 use tilthex_mocap::{
     ClientParams,
@@ -29,7 +29,7 @@ use crate::{
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Server},
+    sim::{CAPTURE_EVERY, Capture, Hand, Server},
 };
 
 /// From the exposure of a simulated camera to its frame on the network, s.
@@ -231,14 +231,27 @@ fn simulate(
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }
+    let mut hand = args.push_port.map(hand).transpose()?;
     let mut cycle = 0_u64;
     let observer = move |at, simulation: &mut Simulation| {
         cycle += 1;
         if cycle.is_multiple_of(CAPTURE_EVERY) {
+            if let Some(hand) = &mut hand {
+                simulation.disturb(hand.wrench(at), Wrench::ZERO);
+            }
             capture.show(at, simulation);
             let _ = truths.push((at as f64 * 1e-9, simulation.truth()));
         }
     };
     Server::start(Simulation::new(params), Box::new(observer), None)
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
+}
+
+/// Listens for pushes of the tool, and says where.
+fn hand(port: u16) -> Result<Hand, Failure> {
+    let listening = Hand::new(port).and_then(|hand| Ok((hand.port()?, hand)));
+    let (found, hand) = listening
+        .map_err(|e| Failure::usage(format!("--push-port {port}: no packets can be received there: {e}")))?;
+    say!("pushes of the tool at 127.0.0.1:{found}");
+    Ok(hand)
 }
