@@ -70,6 +70,24 @@ class Tab:
         self.command("Input.dispatchKeyEvent", type="keyDown", **about)
         self.command("Input.dispatchKeyEvent", type="keyUp", **about)
 
+    @contextlib.contextmanager
+    def dragged(self, x, y, right, down, steps=10):
+        """Drags the mouse from a place, and holds it where it comes to."""
+
+        def mouse(kind, part):
+            place = {"x": x + part * right, "y": y + part * down}
+            buttons = 0 if kind == "mouseReleased" else 1
+            self.command("Input.dispatchMouseEvent", type=kind, button="left", buttons=buttons, **place)
+
+        self.command("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
+        time.sleep(1.0)
+        mouse("mousePressed", 0.0)
+        for step in range(1, steps + 1):
+            time.sleep(0.1)
+            mouse("mouseMoved", step / steps)
+        yield
+        mouse("mouseReleased", 1.0)
+
     def picture(self, path):
         path.write_bytes(base64.b64decode(self.command("Page.captureScreenshot", format="png")["data"]))
 

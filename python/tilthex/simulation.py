@@ -138,7 +138,8 @@ class Runs(dict[str, NDArray[np.float64]]):
         """A table with one row a flight. Needs pandas."""
         import pandas as pd
 
-        return pd.DataFrame(dict(self))
+        frame: pd.DataFrame = pd.DataFrame(dict(self))
+        return frame
 
 
 def simulate_many(

@@ -73,12 +73,17 @@ class Controls:
         self._pilot.urgent("kill", lambda flight: flight.kill())
 
     def _go_to(self, server: viser.ViserServer) -> None:
-        self.gizmo = server.scene.add_transform_controls("/goal", scale=0.25, depth_test=False)
+        self.gizmo = server.scene.add_transform_controls("/goal", scale=0.25, depth_test=False, visible=False)
+        shown = self._gui.add_checkbox("gizmo", False, hint="Shows where to go; drag and turn it.")
         self._moved = False
 
         @self.gizmo.on_update
         def _(_: object) -> None:
             self._moved = True
+
+        @shown.on_update
+        def _(_: object) -> None:
+            self.gizmo.visible = shown.value
 
         velocity = self._gui.add_slider("speed, m/s", min=0.05, max=1.0, step=0.05, initial_value=0.2)
 

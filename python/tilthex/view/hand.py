@@ -48,6 +48,11 @@ class Hand:
         self._thread = threading.Thread(target=self._run, name="tilthex-hand", daemon=True)
         self._thread.start()
 
+    @property
+    def pulls(self) -> bool:
+        """Whether a pull lasts."""
+        return self._pulls.is_set()
+
     def pull(self, force: Array) -> None:
         """Pulls the tool with a force (3,), N, world, of `LARGEST` at most, until it is released."""
         size = float(np.linalg.norm(force))
