@@ -12,7 +12,7 @@ use tilthex_core::{
     model_learning::Calibration,
     trajectory::Limits,
 };
-use tilthex_link::{LinkKind, LinkParams, LinkedParams, tk3::ImuScales};
+use tilthex_link::{LinkKind, LinkParams, LinkedParams, px4::ThrottleMap, tk3::ImuScales};
 use tilthex_mocap::{ClientParams, UpAxis};
 
 impl Config {
@@ -63,6 +63,7 @@ impl Config {
         // The line may have been changed since the configuration was read.
         self.check_line(link)?;
         self.check_hover()?;
+        self.check_throttle()?;
         Ok(LinkedParams { kind: self.link.kind()?, link, flight: self.flight_params(take_off)? })
     }
 }
@@ -110,6 +111,11 @@ impl LinkSection {
             motor_period_us: period(self.motor_rate),
             battery_period_us: period(self.battery_rate),
             scales,
+            throttle: ThrottleMap {
+                coefficients: self.throttle.0,
+                voltage: self.throttle_voltage,
+                correction: self.throttle_correction,
+            },
         })
     }
 }

@@ -3,7 +3,7 @@
 
 use super::{Config, ConfigError};
 use tilthex_core::{Matrix3, Rotor, Vector3, Vehicle, allocation::Allocator, types::Vector6};
-use tilthex_link::{Link, LinkParams, VehicleLink};
+use tilthex_link::{Link, LinkKind, LinkParams, VehicleLink};
 
 /// Poses that are older than 0.1 s count as lost (docs/faults.md); with the time between two of them and their
 /// delay on the network, they may be so old when they leave the capture system, s.
@@ -71,6 +71,32 @@ impl Config {
             frames.motor,
             link.battery_rate,
             frames.battery,
+        )))
+    }
+
+    /// Refuses a vehicle that takes throttles, where its throttles are not known or a rotor turns both ways.
+    pub(super) fn check_throttle(&self) -> Result<(), ConfigError> {
+        if self.link.kind()? != LinkKind::Px4 {
+            return Ok(());
+        }
+        let reversible = self.vehicle.vehicle().rotors().iter().position(|rotor| rotor.min_speed < 0.0);
+        if let Some(rotor) = reversible {
+            return Err(ConfigError::new(format!(
+                "[link]: protocol is \"px4\", and min_speed of rotor {} is negative; expected 0 or more: this link turns rotors \
+                 one way",
+                rotor + 1
+            )));
+        }
+        let throttle = self.link.params()?.throttle;
+        let fastest = self.vehicle.vehicle().rotors().iter().map(|rotor| rotor.max_speed).fold(0.0, f64::max);
+        let (half, whole) = (throttle.throttle(0.5 * fastest, None).0, throttle.throttle(fastest, None).0);
+        if throttle.coefficients != [0.0; 3] && half < whole {
+            return Ok(());
+        }
+        Err(ConfigError::new(format!(
+            "[link]: throttle is {:?}, which asks for {whole:.2} at {fastest} Hz, the largest speed, and for {half:.2} at half of it; \
+             expected throttles from 0 to 1 that grow: fit them as docs/howto/px4.md says",
+            throttle.coefficients
         )))
     }
 

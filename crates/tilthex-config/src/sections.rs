@@ -3,12 +3,12 @@
 // The comments stand in TOML files too, where brackets are no links.
 #![allow(rustdoc::broken_intra_doc_links)]
 
-use super::section::section;
+use super::{section::section, values::Axes};
 
 section! {
     /// The link to the vehicle.
     pub LinkSection as "link" {
-        /// Protocol of the vehicle: "tk3" (mikrokopter ESCs, chimera boards).
+        /// Protocol of the vehicle: "tk3" (mikrokopter ESCs, chimera boards) or "px4" (uXRCE-DDS).
         protocol: String = "tk3".into(),
         /// 57600, 115200, 500000, 2000000, or 0 to leave the speed alone (native USB, pseudo-terminals).
         baud: u32 = 500_000 => "bits/s",
@@ -28,6 +28,13 @@ section! {
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
         /// One count of the gyroscope; 0 for the known value of the board.
         gyro_scale: f64 = 0.0 => "rad/s" from 0.0 to 1.0,
+        /// With "px4": the throttle (0 to 1) that turns a rotor at a speed is c0 + c1 x + c2 x^2, where x is the speed (Hz)
+        /// times throttle_voltage over the battery's voltage; all 0 where it is not known, and then nothing flies.
+        throttle: Axes<3> = Axes([0.0; 3]) => "1, 1/Hz, 1/Hz^2",
+        /// The battery's voltage of the throttles; 0 where speeds do not depend on it (controllers that regulate the speed).
+        throttle_voltage: f64 = 0.0 => "V" from 0.0 to 1000.0,
+        /// How fast the measured speeds correct the throttles; 0 never.
+        throttle_correction: f64 = 2.0 => "1/s" from 0.0 to 20.0,
     }
 }
 

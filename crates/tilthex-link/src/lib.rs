@@ -13,10 +13,13 @@
 #![forbid(unsafe_code)]
 
 mod awaited;
+#[cfg(feature = "board")]
+pub mod board;
 mod gate;
 mod line_delay;
 mod linked;
 mod outgoing;
+pub mod px4;
 mod registry;
 mod sequence;
 mod text;
@@ -46,6 +49,8 @@ pub struct LinkParams {
     pub battery_period_us: u32,
     /// Units of the IMU's counts; `None` uses the known units of the board.
     pub scales: Option<tk3::ImuScales>,
+    /// Throttles for speeds, where the vehicle takes throttles.
+    pub throttle: px4::ThrottleMap,
 }
 
 /// Lengths of a link's frames on the line, bytes. They show how much of the capacity of a serial line the streams
@@ -93,6 +98,11 @@ pub trait VehicleLink {
 
     /// Writes the messages that end the conversation: the streams stop. It neither stops nor starts motors.
     fn part(&mut self, out: &mut Outgoing);
+
+    /// What keeps a vehicle that has answered from being ready, where the link knows it.
+    fn complaint(&self) -> Option<px4::Complaint> {
+        None
+    }
 }
 
 #[cfg(feature = "board")]

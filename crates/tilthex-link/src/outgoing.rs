@@ -1,7 +1,7 @@
 //! Bytes on their way to the vehicle.
 
 /// Largest number of bytes that a tick sends.
-pub const MAX_BYTES_OUT: usize = 128;
+pub const MAX_BYTES_OUT: usize = 384;
 
 /// The bytes of one tick: complete frames, in a buffer of fixed capacity.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

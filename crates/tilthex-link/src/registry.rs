@@ -1,14 +1,15 @@
 //! The list of all links, one line for each.
 
-use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink};
+use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, px4::Complaint};
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
 };
 
-/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", host type`.
+/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", "what a vehicle does that
+/// hears nothing more", host type`.
 macro_rules! links {
-    ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $host:ty;)+) => {
+    ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $alone:literal, $host:ty;)+) => {
         /// The link that a vehicle speaks.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum LinkKind {
@@ -32,6 +33,14 @@ macro_rules! links {
             pub const fn vehicles(self) -> &'static str {
                 match self {
                     $(Self::$kind => $vehicles,)+
+                }
+            }
+
+            /// What its vehicle does in flight when it hears nothing more, in words.
+            #[must_use]
+            pub const fn alone(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $alone,)+
                 }
             }
         }
@@ -80,11 +89,18 @@ macro_rules! links {
             fn part(&mut self, out: &mut Outgoing) {
                 match self { $(Self::$kind(link) => link.part(out),)+ }
             }
+            fn complaint(&self) -> Option<Complaint> {
+                match self { $(Self::$kind(link) => link.complaint(),)+ }
+            }
         }
     };
 }
 
 links! {
     /// The serial protocol of the Telekyb3 family.
-    Tk3 => "tk3", "mkfl, flymu, chimera or teensy with a version", crate::tk3::Host;
+    Tk3 => "tk3", "mkfl, flymu, chimera or teensy with a version",
+        "falls back to its lowest speeds after 0.5 s and stops its motors 10 s later", crate::tk3::Host;
+    /// PX4 over uXRCE-DDS.
+    Px4 => "px4", "a PX4 whose uxrce_dds_client is started for this line",
+        "takes PX4's failsafe for the loss of the offboard mode (COM_OF_LOSS_T, COM_OBL_RC_ACT)", crate::px4::Host;
 }

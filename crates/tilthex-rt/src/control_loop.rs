@@ -13,7 +13,9 @@ use tilthex_core::{
     flight::{Command, HostFacts, MAX_POSES, MotorFault, Record},
     supervisor::{Fault, FaultSet, Phase},
 };
-use tilthex_link::{InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput};
+use tilthex_link::{
+    InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput, px4::Complaint,
+};
 use tilthex_sim::feed::{Feed, Tick, Timing};
 
 use crate::{
@@ -63,6 +65,8 @@ pub enum End {
         pose_seen: bool,
         /// Whether the vehicle answered and streamed.
         link_ready: bool,
+        /// What the link misses.
+        complaint: Option<Complaint>,
     },
 }
 
@@ -242,6 +246,7 @@ impl ControlLoop {
                 faults: supervisor.refusals(),
                 pose_seen: memory.pose_seen,
                 link_ready: self.linked.link.telemetry().link.identified,
+                complaint: self.linked.link.complaint(),
             })
         } else {
             None

@@ -205,7 +205,7 @@ fn delays(demand: Demand) -> Result<Quantiles, crate::Failure> {
     let _rights = realtime::acquire(demand);
     let (mut far, path) =
         Port::pseudo_terminal().map_err(|e| crate::Failure::link(format!("no pseudo-terminal: {e}")))?;
-    let near = Port::open(&path.to_string_lossy(), 0)?;
+    let mut near = Port::open(&path.to_string_lossy(), 0)?;
     let period = Duration::from_millis(2);
     let mut sleeper = Sleeper::new(period, Monotonic.now() + period.as_nanos() as Nanos);
     let mut delays = Histogram::default();

@@ -7,6 +7,7 @@
 pub mod app;
 pub mod control;
 pub mod control_loop;
+mod datagrams;
 pub mod doctor;
 pub mod failure;
 pub mod flags;
@@ -27,5 +28,6 @@ pub mod sim_app;
 pub mod sleeper;
 pub mod summary;
 mod sys;
+pub mod vehicle_uri;
 
 pub use failure::{Failure, Kind};

@@ -3,6 +3,7 @@
 
 use std::{
     fmt, fs, io,
+    net::SocketAddr,
     os::{
         fd::{AsFd, BorrowedFd, OwnedFd},
         unix::net::UnixStream,
@@ -17,18 +18,30 @@ use rustix::{
 };
 use serialport::SerialPort;
 
-use crate::{Failure, ports, sys};
+use crate::{Failure, datagrams::Datagrams, ports, sys};
 
 /// Longest time an adapter may hold bytes back, ms.
 const LONGEST_LATENCY_MS: u32 = 1;
 
 /// What names a socket in place of a device.
 pub const SOCKET: &str = "unix:";
+/// What names an address at which datagrams come.
+pub const DATAGRAMS: &str = "udp:";
+
+/// What bytes come and go through.
+#[derive(Debug)]
+#[allow(clippy::large_enum_variant)] // there is one line in a program
+enum Line {
+    /// A device or a socket that carries bytes.
+    Bytes(OwnedFd),
+    /// Datagrams of DDS-XRCE.
+    Datagrams(Datagrams),
+}
 
 /// An open serial port, pseudo-terminal or socket.
 #[derive(Debug)]
 pub struct Port {
-    fd: OwnedFd,
+    line: Line,
     path: PathBuf,
     short_writes: u64,
 }
@@ -55,6 +68,9 @@ impl Port {
         if let Some(path) = name.strip_prefix(SOCKET) {
             return Self::connect(Path::new(path));
         }
+        if let Some(address) = name.strip_prefix(DATAGRAMS) {
+            return Self::listen(address);
+        }
         let path = ports::resolve(name, &ports::there())?;
         let refuse =
             |what: &str, e: &dyn fmt::Display| Failure::link(format!("{}: {what}: {e}", path.display()));
@@ -77,7 +93,7 @@ impl Port {
         // latency_timer.
         let _ = sys::set_low_latency(fd.as_fd());
         check_latency(&path, Path::new("/sys"))?;
-        Ok(Self { fd, path, short_writes: 0 })
+        Ok(Self { line: Line::Bytes(fd), path, short_writes: 0 })
     }
 
     /// The line to a simulated vehicle that listens at a socket: no terminal, and no work queue of one.
@@ -97,7 +113,31 @@ impl Port {
     /// The kernel's.
     pub fn of_stream(stream: UnixStream, path: &Path) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
-        Ok(Self { fd: stream.into(), path: path.into(), short_writes: 0 })
+        Ok(Self { line: Line::Bytes(stream.into()), path: path.into(), short_writes: 0 })
+    }
+
+    /// Datagrams that come to an address.
+    fn listen(address: &str) -> Result<Self, Failure> {
+        let refuse = |e: &dyn fmt::Display| {
+            Failure::link(format!(
+                "no datagrams can come to {address}: {e}; name an address of this computer and a free port"
+            ))
+        };
+        let line = Datagrams::listen(address.parse().map_err(|e| refuse(&e))?).map_err(|e| refuse(&e))?;
+        Ok(Self {
+            line: Line::Datagrams(line),
+            path: format!("{DATAGRAMS}{address}").into(),
+            short_writes: 0,
+        })
+    }
+
+    /// Datagrams to and from the agent at an address, for a simulated vehicle.
+    ///
+    /// # Errors
+    /// The kernel's.
+    pub fn to_agent(agent: SocketAddr) -> io::Result<Self> {
+        let line = Line::Datagrams(Datagrams::to(agent)?);
+        Ok(Self { line, path: format!("{DATAGRAMS}{agent}").into(), short_writes: 0 })
     }
 
     /// A pseudo-terminal: its controlling side, and the path of the other.
@@ -116,7 +156,7 @@ impl Port {
         rustix::termios::tcsetattr(&fd, OptionalActions::Now, &settings)?;
         rustix::fs::fcntl_setfl(&fd, OFlags::NONBLOCK)?;
         let path = PathBuf::from(name.to_string_lossy().into_owned());
-        Ok((Self { fd, path: path.clone(), short_writes: 0 }, path))
+        Ok((Self { line: Line::Bytes(fd), path: path.clone(), short_writes: 0 }, path))
     }
 
     /// Reads what has come, at most `buffer`; `None` when the other end is gone. Never waits; safe in the loop.
@@ -124,13 +164,17 @@ impl Port {
     /// A `read` of a terminal that has no input waits in the kernel, non-blocking or not, until the
     /// work queue that moves its bytes has run (`n_tty_read`, `tty_buffer_flush_work`), at ordinary
     /// priority: up to a second beside other load. So the port first asks the kernel how many bytes there are.
-    pub fn read(&self, buffer: &mut [u8]) -> Option<usize> {
-        let there = match rustix::io::ioctl_fionread(&self.fd) {
+    pub fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
+        let fd = match &mut self.line {
+            Line::Bytes(fd) => fd,
+            Line::Datagrams(line) => return Some(line.read(buffer)),
+        };
+        let there = match rustix::io::ioctl_fionread(&*fd) {
             Ok(0) | Err(Errno::INTR) => return Some(0),
             Ok(count) => buffer.len().min(usize::try_from(count).unwrap_or(usize::MAX)),
             Err(_) => return None,
         };
-        match rustix::io::read(&self.fd, buffer.get_mut(..there).unwrap_or_default()) {
+        match rustix::io::read(&*fd, buffer.get_mut(..there).unwrap_or_default()) {
             Ok(0) => None,
             Ok(n) => Some(n),
             Err(Errno::AGAIN | Errno::INTR) => Some(0),
@@ -140,7 +184,15 @@ impl Port {
 
     /// Writes `bytes` in one call. Never waits; safe in the loop.
     pub fn write(&mut self, bytes: &[u8]) -> Written {
-        match rustix::io::write(&self.fd, bytes) {
+        let written = match &mut self.line {
+            Line::Bytes(fd) => rustix::io::write(&*fd, bytes),
+            Line::Datagrams(line) => {
+                let written = line.write(bytes);
+                self.short_writes += u64::from(written == Written::Short);
+                return written;
+            }
+        };
+        match written {
             Ok(n) if n == bytes.len() => Written::Whole,
             Ok(_) | Err(Errno::AGAIN | Errno::INTR) => {
                 self.short_writes += 1;
@@ -165,7 +217,10 @@ impl Port {
 
 impl AsFd for Port {
     fn as_fd(&self) -> BorrowedFd<'_> {
-        self.fd.as_fd()
+        match &self.line {
+            Line::Bytes(fd) => fd.as_fd(),
+            Line::Datagrams(line) => line.as_fd(),
+        }
     }
 }
 
@@ -209,7 +264,7 @@ mod tests {
     use proptest::prelude::*;
     use std::os::unix::fs::symlink;
 
-    fn read_all(port: &Port, want: usize) -> Vec<u8> {
+    fn read_all(port: &mut Port, want: usize) -> Vec<u8> {
         let mut got = Vec::new();
         let mut buffer = [0; 256];
         while got.len() < want {
@@ -226,9 +281,9 @@ mod tests {
             let (mut master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
             let mut slave = Port::open(path.to_str().expect("plain"), 500_000).expect("opens");
             prop_assert_eq!(master.write(&bytes), Written::Whole);
-            prop_assert_eq!(&read_all(&slave, bytes.len()), &bytes);
+            prop_assert_eq!(&read_all(&mut slave, bytes.len()), &bytes);
             prop_assert_eq!(slave.write(&bytes), Written::Whole);
-            prop_assert_eq!(&read_all(&master, bytes.len()), &bytes);
+            prop_assert_eq!(&read_all(&mut master, bytes.len()), &bytes);
         }
     }
 
@@ -258,8 +313,8 @@ mod tests {
         let mut vehicle = Port::of_stream(listener.accept().expect("a guest").0, &path).expect("opens");
         assert_eq!(host.read(&mut [0; 16]), Some(0));
         assert_eq!((vehicle.write(b"^I$"), host.write(b"^?$")), (Written::Whole, Written::Whole));
-        assert_eq!(read_all(&host, 3), b"^I$");
-        assert_eq!(read_all(&vehicle, 3), b"^?$");
+        assert_eq!(read_all(&mut host, 3), b"^I$");
+        assert_eq!(read_all(&mut vehicle, 3), b"^?$");
         while host.write(&[0x55; 4096]) == Written::Whole {}
         assert_eq!(host.short_writes(), 1);
         drop(vehicle);
@@ -272,7 +327,7 @@ mod tests {
     #[test]
     fn an_empty_line_is_not_read() {
         let (mut master, path) = Port::pseudo_terminal().expect("a pseudo-terminal");
-        let slave = Port::open(path.to_str().expect("plain"), 0).expect("opens");
+        let mut slave = Port::open(path.to_str().expect("plain"), 0).expect("opens");
         let of_counting = reads();
         let of_counting = reads() - of_counting;
         let before = reads();
@@ -281,7 +336,7 @@ mod tests {
         }
         assert_eq!(reads() - before, of_counting, "a read of an empty terminal waits in the kernel");
         assert_eq!(master.write(b"^I$"), Written::Whole);
-        assert_eq!(read_all(&slave, 3), b"^I$");
+        assert_eq!(read_all(&mut slave, 3), b"^I$");
     }
 
     #[test]

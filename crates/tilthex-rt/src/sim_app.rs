@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    net::SocketAddr,
     os::unix::{
         fs::{FileTypeExt, symlink},
         net::{UnixListener, UnixStream},
@@ -12,16 +13,18 @@ use std::{
 };
 
 use clap::Parser;
+use toml::{Table, Value};
 
 use tilthex_config::{Config, TruthSection, VehicleSection};
+use tilthex_link::{LinkKind, board::Board};
 use tilthex_mocap::net::{LineParams, MocapUri};
-use tilthex_sim::{Body, Pushes, STEP, Simulation, SimulationParams};
+use tilthex_sim::{Body, Firmware, Pushes, STEP, Simulation, SimulationParams};
 
 use crate::{
     Failure, failure,
     output::say,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Server, World, world::WorldParams},
+    sim::{CAPTURE_EVERY, Capture, Server, World, px4_board, world::WorldParams},
 };
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.
@@ -42,6 +45,14 @@ pub struct Args {
     /// Listen at this Unix socket, too: `tilthex-rt --port unix:PATH` connects there, and no terminal is between them
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
+
+    /// What the vehicle speaks, tk3 or px4 [default: the configuration's]
+    #[arg(long, value_name = "LINK")]
+    pub protocol: Option<String>,
+
+    /// With px4: the address at which tilthex-rt --port px4+udp://:PORT listens; in place of the pseudo-terminal
+    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "socket")]
+    pub udp: Option<SocketAddr>,
 
     /// Show the vehicle's pose, such as natnet://127.0.0.1/TILTHEX or vrpn://127.0.0.1/TILTHEX
     #[arg(long, value_name = "URI")]
@@ -97,9 +108,19 @@ pub fn run() -> Result<(), Failure> {
         Some(path) => Config::from_file(path),
         None => VehicleSection::preset("tilt-hex").map(Config::default_for),
     }?;
+    let config = match &args.protocol {
+        Some(protocol) => config.overlaid(changed("link", "protocol", protocol))?,
+        None => config,
+    };
+    if args.udp.is_some() && config.link().kind()? != LinkKind::Px4 {
+        return Err(Failure::usage("--udp is for px4 alone; expected --protocol px4 beside it"));
+    }
     let server = start(&args, &config)?;
     let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
-    say!("{}", server.path().display());
+    match args.udp {
+        Some(agent) => say!("udp:{agent}"),
+        None => say!("{}", server.path().display()),
+    }
     while server.is_running() && !stop.load(Ordering::Relaxed) {
         std::thread::sleep(Duration::from_millis(50));
     }
@@ -117,6 +138,11 @@ pub fn run() -> Result<(), Failure> {
     report.failure.map_or(Ok(()), Err)
 }
 
+/// One changed key.
+fn changed(section: &str, key: &str, value: &str) -> Table {
+    Table::from_iter([(section.into(), Value::Table(Table::from_iter([(key.into(), value.into())])))])
+}
+
 /// The vehicle on its own flat ground, or in a world.
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let Some(experiment) = &args.world else {
@@ -130,7 +156,13 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
         if let Some(path) = &args.pushes {
             params.pushes = Pushes::read(path)?;
         }
-        return serve(args, config, Simulation::new(params), CAPTURE_EVERY, line);
+        return match config.link().kind()? {
+            LinkKind::Tk3 => serve(args, config, Simulation::new(params), CAPTURE_EVERY, line),
+            LinkKind::Px4 => {
+                let board = px4_board(config, &params)?;
+                serve(args, config, Simulation::with_board(params, board), CAPTURE_EVERY, line)
+            }
+        };
     };
     let params = WorldParams {
         experiment: experiment.clone(),
@@ -143,17 +175,28 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let greeting = *world.greeting();
     let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
     let line = (greeting.pose_latency, greeting.pose_jitter);
-    let SimulationParams { plant, firmware, .. } = SimulationParams::new(*config.vehicle().vehicle());
-    let simulation = Simulation::with_body(world, plant, greeting.sensors, firmware, args.seed);
-    serve(args, config, simulation, every, line)
+    let params = SimulationParams::new(*config.vehicle().vehicle());
+    let plant = params.plant;
+    match config.link().kind()? {
+        LinkKind::Tk3 => {
+            let board = Firmware::new(plant.vehicle(), params.firmware);
+            let simulation = Simulation::with_body(world, plant, greeting.sensors, board, args.seed);
+            serve(args, config, simulation, every, line)
+        }
+        LinkKind::Px4 => {
+            let board = px4_board(config, &params)?;
+            let simulation = Simulation::with_body(world, plant, greeting.sensors, board, args.seed);
+            serve(args, config, simulation, every, line)
+        }
+    }
 }
 
 /// Puts it behind a pseudo-terminal and before the cameras, which look once in `every` cycles and whose line has
 /// a latency and a jitter (s) unless told otherwise.
-fn serve<B: Body + Send + 'static>(
+fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
     args: &Args,
     config: &Config,
-    simulation: Simulation<B>,
+    simulation: Simulation<B, F>,
     every: u64,
     line: (f64, f64),
 ) -> Result<Server, Failure> {
@@ -173,14 +216,14 @@ fn serve<B: Body + Send + 'static>(
     let up_axis = config.mocap().up_axis()?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation<B>| {
+    let observer = move |at, simulation: &mut Simulation<B, F>| {
         cycle += 1;
         if let Some(capture) = capture.as_mut().filter(|_| cycle.is_multiple_of(every)) {
             capture.show(at, simulation);
         }
     };
     let socket = args.socket.as_deref().map(listen).transpose()?;
-    Server::start(simulation, Box::new(observer), socket)
+    Server::start(simulation, Box::new(observer), socket, args.udp)
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }
 

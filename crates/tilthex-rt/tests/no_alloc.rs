@@ -40,7 +40,7 @@ fn the_loop_never_allocates() {
         }
     };
     let simulation = Simulation::new(SimulationParams::new(params.flight.vehicle));
-    let server = Server::start(simulation, Box::new(observer), None).expect("a pseudo-terminal");
+    let server = Server::start(simulation, Box::new(observer), None, None).expect("a pseudo-terminal");
     let directory = tempfile::tempdir().expect("a directory");
     let log = directory.path().join("flight.mcap");
     let (recorder, feed, _truth) = Recorder::start(RecorderParams {

@@ -1,6 +1,7 @@
 //! The simulated vehicle behaves as the vehicle's protocol says.
 
 use tilthex_core::{Vector3, Vehicle, plant::SensorParams};
+use tilthex_link::board::Board;
 use tilthex_link::tk3::{HostMessage, ImuScales, MAX_FRAME, MotorValues, Receiver, Stream, VehicleMessage};
 use tilthex_rt::{port::Port, sim::Server};
 use tilthex_sim::{Simulation, SimulationParams};
@@ -229,8 +230,9 @@ fn full_thrust_lifts_it_and_the_ground_catches_it() {
 
 #[test]
 fn behind_a_pseudo_terminal_it_answers() {
-    let server = Server::start(Simulation::new(SimulationParams::new(vehicle())), Box::new(|_, _| {}), None)
-        .expect("a pseudo-terminal");
+    let server =
+        Server::start(Simulation::new(SimulationParams::new(vehicle())), Box::new(|_, _| {}), None, None)
+            .expect("a pseudo-terminal");
     let mut port = Port::open(server.path().to_str().expect("plain"), 0).expect("opens");
     let mut receiver = Receiver::<VehicleMessage>::default();
     let mut frame = [0; MAX_FRAME];

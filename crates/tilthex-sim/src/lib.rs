@@ -12,7 +12,10 @@ pub mod simulate;
 pub use body::{Body, Own};
 pub use error::SimError;
 pub use pushes::{Push, Pushes};
-pub use tilthex_link::tk3::board::{Firmware, FirmwareParams, Micros};
+pub use tilthex_link::{
+    board::Micros,
+    tk3::board::{Firmware, FirmwareParams},
+};
 
 pub use tilthex_core::types::Nanos;
 
@@ -22,7 +25,7 @@ use tilthex_core::{
     MAX_ROTORS, Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
     plant::{Plant, SensorParams, Sensors},
 };
-use tilthex_link::tk3::board::Measurements;
+use tilthex_link::board::{Board, Measurements};
 
 /// The board's cycle.
 pub const STEP: Micros = 1000;
@@ -86,12 +89,12 @@ pub struct Truth {
 
 /// The vehicle and its world in virtual time.
 #[derive(Clone, Debug)]
-pub struct Simulation<B = Own> {
+pub struct Simulation<B = Own, F = Firmware> {
     plant: Plant,
     body: B,
     sensors: Sensors,
     own_sensors: SensorParams,
-    firmware: Firmware,
+    firmware: F,
     /// The rotor that each motor controller drives.
     wiring: [usize; MAX_ROTORS],
     now: Micros,
@@ -102,7 +105,17 @@ impl Simulation {
     #[must_use]
     pub fn new(params: SimulationParams) -> Self {
         let body = Own::new(params.plant, params.pushes, params.seed);
-        Self::with_body(body, params.plant, params.sensors, params.firmware, params.seed)
+        let firmware = Firmware::new(params.plant.vehicle(), params.firmware);
+        Self::with_body(body, params.plant, params.sensors, firmware, params.seed)
+    }
+}
+
+impl<F: Board> Simulation<Own, F> {
+    /// The same with another board.
+    #[must_use]
+    pub fn with_board(params: SimulationParams, board: F) -> Self {
+        let body = Own::new(params.plant, params.pushes, params.seed);
+        Self::with_body(body, params.plant, params.sensors, board, params.seed)
     }
 
     /// Limits the speed of a rotor (from 0) to a fraction of the speed that its motor is commanded.
@@ -144,22 +157,16 @@ impl Simulation {
     }
 }
 
-impl<B: Body> Simulation<B> {
+impl<B: Body, F: Board> Simulation<B, F> {
     /// A vehicle, switched off, whose body moves in its own world; `seed` is the seed of the sensors' noise.
     #[must_use]
-    pub fn with_body(
-        body: B,
-        plant: Plant,
-        sensors: SensorParams,
-        firmware: FirmwareParams,
-        seed: u64,
-    ) -> Self {
+    pub fn with_body(body: B, plant: Plant, sensors: SensorParams, firmware: F, seed: u64) -> Self {
         Self {
             plant,
             body,
             sensors: Sensors::new(sensors, seed),
             own_sensors: sensors,
-            firmware: Firmware::new(plant.vehicle(), firmware),
+            firmware,
             wiring: std::array::from_fn(|i| i),
             now: 0,
         }
@@ -215,12 +222,12 @@ impl<B: Body> Simulation<B> {
 
     /// The flight board.
     #[must_use]
-    pub fn firmware(&self) -> &Firmware {
+    pub fn firmware(&self) -> &F {
         &self.firmware
     }
 
     /// The flight board, to be changed.
-    pub fn firmware_mut(&mut self) -> &mut Firmware {
+    pub fn firmware_mut(&mut self) -> &mut F {
         &mut self.firmware
     }
 

@@ -12,6 +12,7 @@ use crate::{
     Failure,
     control::{DEFAULT_ADDRESS, Token},
     realtime::Demand,
+    vehicle_uri::VehicleUri,
 };
 
 /// Flies a fully actuated multirotor as an end-effector.
@@ -25,7 +26,8 @@ pub struct Args {
     #[command(subcommand)]
     pub(super) action: Option<Action>,
 
-    /// The vehicle's serial port: a path, or the USB serial number of its adapter; unix:PATH for tilthex-sim --socket
+    /// The vehicle's serial port: a path, or the USB serial number of its adapter; unix:PATH for tilthex-sim --socket;
+    /// px4://PORT[?baud=N] or px4+udp://:PORT for a PX4
     #[arg(long, value_name = "DEV", global = true)]
     pub port: Option<String>,
 
@@ -180,11 +182,23 @@ impl Args {
         };
         let mut changes = Table::new();
         let mut change = |section: &str, key: &str, value: Option<Value>| {
-            if let Some(value) = value {
-                changes.insert(section.into(), Value::Table(Table::from_iter([(key.into(), value)])));
+            let section = changes.entry(section).or_insert_with(|| Value::Table(Table::new()));
+            if let (Some(value), Some(section)) = (value, section.as_table_mut()) {
+                section.insert(key.into(), value);
             }
         };
-        change("link", "baud", self.baud.map(|baud| i64::from(baud).into()));
+        let uri = self.port.as_deref().map(VehicleUri::parse).transpose()?;
+        let named = uri.as_ref().and_then(|uri| uri.baud);
+        if let (Some(one), Some(other)) = (self.baud, named)
+            && one != other
+        {
+            return Err(Failure::usage(format!(
+                "--baud is {one} and --port says {other}; expected one of them"
+            )));
+        }
+        let link = uri.and_then(|uri| uri.link);
+        change("link", "protocol", link.map(|link| link.name().into()));
+        change("link", "baud", self.baud.or(named).map(|baud| i64::from(baud).into()));
         change("mocap", "uri", self.mocap.clone().map(Value::String));
         change("log", "path", self.log.as_ref().map(|path| path.display().to_string().into()));
         let config = read().and_then(|config| config.overlaid(changes))?;

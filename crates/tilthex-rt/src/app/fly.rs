@@ -8,12 +8,12 @@ use tilthex_config::{
     orders::{self, Orders},
 };
 use tilthex_core::{PoseSample, Wrench, flight::Command};
-use tilthex_link::LinkedFlight;
+use tilthex_link::{LinkKind, LinkedFlight, board::Board};
 use tilthex_mocap::{
     ClientParams,
     net::{Client, LineParams, MocapUri},
 };
-use tilthex_sim::{Pushes, Simulation, SimulationParams};
+use tilthex_sim::{Own, Pushes, Simulation, SimulationParams};
 
 use super::{Args, report, status};
 use crate::{
@@ -29,7 +29,8 @@ use crate::{
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Hand, Server},
+    sim::{CAPTURE_EVERY, Capture, Hand, Server, px4_board},
+    vehicle_uri::VehicleUri,
 };
 
 /// From the exposure of a simulated camera to its frame on the network, s.
@@ -146,7 +147,7 @@ impl Peers {
         };
         let uri = &config.mocap().uri;
         let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
-        Self::open(port.clone(), config.link().baud, uri.as_ref(), client)
+        Self::open(VehicleUri::parse(port)?.name, config.link().baud, uri.as_ref(), client)
     }
 
     fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
@@ -219,21 +220,31 @@ fn recorder_params(
 }
 
 /// Starts the simulated vehicle and its motion capture.
-fn simulate(
-    args: &Args,
-    config: &Config,
-    mut capture: Capture,
-    mut truths: TruthFeed,
-) -> Result<Server, Failure> {
+fn simulate(args: &Args, config: &Config, capture: Capture, truths: TruthFeed) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
     let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
     let mut params = SimulationParams::of(&drawn?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }
-    let mut hand = args.push_port.map(hand).transpose()?;
+    let hand = args.push_port.map(hand).transpose()?;
+    match config.link().kind()? {
+        LinkKind::Tk3 => serve(Simulation::new(params), capture, hand, truths),
+        LinkKind::Px4 => {
+            let board = px4_board(config, &params)?;
+            serve(Simulation::with_board(params, board), capture, hand, truths)
+        }
+    }
+}
+
+fn serve<F: Board + Send + 'static>(
+    simulation: Simulation<Own, F>,
+    mut capture: Capture,
+    mut hand: Option<Hand>,
+    mut truths: TruthFeed,
+) -> Result<Server, Failure> {
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation| {
+    let observer = move |at, simulation: &mut Simulation<Own, F>| {
         cycle += 1;
         if cycle.is_multiple_of(CAPTURE_EVERY) {
             if let Some(hand) = &mut hand {
@@ -243,7 +254,7 @@ fn simulate(
             let _ = truths.push((at as f64 * 1e-9, simulation.truth()));
         }
     };
-    Server::start(Simulation::new(params), Box::new(observer), None)
+    Server::start(simulation, Box::new(observer), None, None)
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }
 

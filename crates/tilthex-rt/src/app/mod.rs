@@ -14,6 +14,7 @@ use crate::{
     Failure,
     doctor::{self, Verdict},
     failure, output, replay,
+    vehicle_uri::VehicleUri,
 };
 use args::Action;
 
@@ -30,7 +31,8 @@ pub fn run() -> Result<(), Failure> {
         None if args.print_config => output::print(&args.config()?.to_toml()),
         None => fly::fly(&args),
         Some(Action::Doctor) => {
-            let checks = doctor::examine(&args.config()?, args.port.as_deref(), args.realtime);
+            let port = args.port.as_deref().map(VehicleUri::parse).transpose()?.map(|uri| uri.name);
+            let checks = doctor::examine(&args.config()?, port.as_deref(), args.realtime);
             let text: Vec<_> = checks.iter().map(|check| format!("{check}\n")).collect();
             output::print(&text.concat())?;
             let bad = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();

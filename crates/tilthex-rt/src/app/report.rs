@@ -150,8 +150,8 @@ pub(super) fn outcome(
             )))
         }
         Some(End::LinkLost { in_flight: true }) => Err(Failure::link(format!(
-            "{port} went away in flight: the vehicle falls back to its lowest speeds after 0.5 s and stops its motors 10 s \
-             later; check cable and adapter"
+            "{port} went away in flight: the vehicle {}; check cable and adapter",
+            link.alone()
         ))),
         Some(End::LinkLost { in_flight: false }) => {
             Err(Failure::link(format!("{port} went away: check cable and adapter")))
@@ -161,6 +161,9 @@ pub(super) fn outcome(
         }
         Some(End::Refused(faults, None)) => {
             Err(Failure::fault(format!("the motors were not started: {}", causes(faults))))
+        }
+        Some(End::NotReady { complaint: Some(complaint), .. }) => {
+            Err(Failure::link(format!("{port}: {complaint}")))
         }
         Some(End::NotReady { link_ready: false, .. }) => Err(Failure::link(format!(
             "{port}: the vehicle's streams did not start; check speed and load of the line"

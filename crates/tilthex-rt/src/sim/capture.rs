@@ -2,6 +2,7 @@
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 
+use tilthex_link::board::Board;
 use tilthex_mocap::{
     UpAxis,
     net::{
@@ -91,7 +92,7 @@ impl Capture {
     }
 
     /// Shows the vehicle as it is at a time of the monotonic clock.
-    pub fn show<B: Body>(&mut self, time: Nanos, simulation: &mut Simulation<B>) {
+    pub fn show<B: Body, F: Board>(&mut self, time: Nanos, simulation: &mut Simulation<B, F>) {
         let (position_w, rotation_wr) = simulation.captured_pose();
         let publication = Publication { time, position_w, rotation_wr, tracking_valid: true };
         // A pose that finds no room is one the network lost.

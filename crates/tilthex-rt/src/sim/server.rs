@@ -2,6 +2,7 @@
 
 use std::{
     io,
+    net::SocketAddr,
     os::unix::net::UnixListener,
     path::{Path, PathBuf},
     sync::{
@@ -17,7 +18,8 @@ use rustix::{
     time::Timespec,
 };
 
-use tilthex_sim::{Body, Own, STEP, Simulation};
+use tilthex_link::board::Board;
+use tilthex_sim::{Body, Firmware, Own, STEP, Simulation};
 
 use crate::{
     Failure,
@@ -43,7 +45,7 @@ pub struct Report {
 
 /// Sees the simulation after every cycle, with the cycle's time on the
 /// monotonic clock: motion capture and the recorder of the truth hang on it.
-pub type Observer<B = Own> = Box<dyn FnMut(Nanos, &mut Simulation<B>) + Send>;
+pub type Observer<B = Own, F = Firmware> = Box<dyn FnMut(Nanos, &mut Simulation<B, F>) + Send>;
 
 /// A running simulation. It ends when it is dropped.
 #[derive(Debug)]
@@ -55,16 +57,18 @@ pub struct Server {
 
 impl Server {
     /// Starts a simulation behind a pseudo-terminal of its own, and, where one is given, behind a socket: whoever connects
-    /// there has the line until they leave. `each_step` is called after every cycle with the time of the cycle.
+    /// there has the line until they leave. Where an agent is named, its datagrams are the line instead. `each_step` is called after every cycle with the time of the cycle.
     ///
     /// # Errors
     /// The kernel's, where it has no pseudo-terminal or no thread left.
-    pub fn start<B: Body + Send + 'static>(
-        simulation: Simulation<B>,
-        each_step: Observer<B>,
+    pub fn start<B: Body + Send + 'static, F: Board + Send + 'static>(
+        simulation: Simulation<B, F>,
+        each_step: Observer<B, F>,
         socket: Option<UnixListener>,
+        agent: Option<SocketAddr>,
     ) -> io::Result<Self> {
         let (port, path) = Port::pseudo_terminal()?;
+        let guest = agent.map(Port::to_agent).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         if let Some(socket) = &socket {
@@ -72,7 +76,7 @@ impl Server {
         }
         let mut worker = Worker {
             socket,
-            guest: None,
+            guest,
             // Holding the far side open keeps reads from failing while no controller is connected.
             _far_side: rustix::fs::open(
                 &path,
@@ -83,6 +87,7 @@ impl Server {
             simulation,
             each_step,
             out: Vec::with_capacity(4096),
+            samples: 0,
             imu_written: None,
             latency: Histogram::default(),
             lag: Histogram::default(),
@@ -124,22 +129,24 @@ impl Drop for Server {
     }
 }
 
-struct Worker<B> {
+struct Worker<B, F> {
     _far_side: rustix::fd::OwnedFd,
     port: Port,
     socket: Option<UnixListener>,
-    /// Who has connected to the socket.
+    /// Who has connected to the socket, or the agent.
     guest: Option<Port>,
-    simulation: Simulation<B>,
-    each_step: Observer<B>,
+    simulation: Simulation<B, F>,
+    each_step: Observer<B, F>,
     out: Vec<u8>,
-    /// When the newest IMU frame was written, until its command comes.
+    /// Inertial samples that were written.
+    samples: u64,
+    /// When the newest of them was written, until its command comes.
     imu_written: Option<Nanos>,
     latency: Histogram,
     lag: Histogram,
 }
 
-impl<B: Body> Worker<B> {
+impl<B: Body, F: Board> Worker<B, F> {
     fn run(&mut self, stop: &AtomicBool) -> Report {
         // The board's clock is this one; the rights are worth having, not worth failing for.
         crate::realtime::acquire_helper();
@@ -175,24 +182,24 @@ impl<B: Body> Worker<B> {
                 return;
             }
             let timeout = Timespec { tv_sec: 0, tv_nsec: left as _ };
-            let line = self.guest.as_ref().unwrap_or(&self.port);
-            let ready = poll(&mut [PollFd::new(line, PollFlags::IN)], Some(&timeout));
+            let line = self.guest.as_mut().unwrap_or(&mut self.port);
+            let ready = poll(&mut [PollFd::new(&*line, PollFlags::IN)], Some(&timeout));
             if ready != Ok(1) {
                 continue;
             }
             let mut bytes = [0; 1024];
             let count = match line.read(&mut bytes) {
                 // Readable, and nothing to read: they have left.
-                None | Some(0) if self.guest.is_some() => {
+                None | Some(0) if self.socket.is_some() && self.guest.is_some() => {
                     self.guest = None;
                     continue;
                 }
                 Some(count) => count,
                 None => return,
             };
-            let before = self.simulation.firmware().speeds_received();
+            let before = self.simulation.firmware().commands_received();
             self.simulation.receive(&bytes[..count], &mut self.out);
-            if self.simulation.firmware().speeds_received() > before
+            if self.simulation.firmware().commands_received() > before
                 && let Some(written) = self.imu_written.take()
             {
                 self.latency.record(Monotonic.now().saturating_sub(written));
@@ -211,7 +218,8 @@ impl<B: Body> Worker<B> {
     }
 
     fn send(&mut self) {
-        if self.out.windows(2).any(|pair| pair == b"^I") {
+        let samples = self.simulation.firmware().samples_sent();
+        if std::mem::replace(&mut self.samples, samples) < samples {
             self.imu_written = Some(Monotonic.now());
         }
         if !self.out.is_empty() {

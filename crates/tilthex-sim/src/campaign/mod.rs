@@ -26,7 +26,7 @@ use std::{
 };
 
 use tilthex_core::random::Random;
-use tilthex_link::{LinkedFlight, LinkedParams};
+use tilthex_link::{LinkKind, LinkedFlight, LinkedParams};
 
 pub use faults::Injection;
 pub use judge::Outcome;
@@ -132,6 +132,12 @@ impl Fleet<'_> {
     /// The vehicles of a configuration.
     fn new<'a>(config: &'a Config, truth: &'a TruthSection) -> Result<Fleet<'a>, SimError> {
         let params = config.linked_params(true).map_err(|e| SimError::refused(e.to_string()))?;
+        if params.kind != LinkKind::Tk3 {
+            let found = params.kind.name();
+            return Err(SimError::refused(format!(
+                "[link]: protocol is \"{found}\"; expected \"tk3\": the faults of a campaign are those of a board that speaks it"
+            )));
+        }
         Ok(Fleet { params, model: config.vehicle(), truth })
     }
 

@@ -11,7 +11,7 @@ use tilthex_core::{
     supervisor::{Fault, Phase},
 };
 use tilthex_link::{LinkedFlight, LinkedOutput, MAX_BYTES_IN, WireInput};
-use tilthex_sim::{FirmwareParams, Simulation};
+use tilthex_sim::{Firmware, FirmwareParams, Simulation};
 
 use crate::rig::{Cruelty, Rig};
 
@@ -73,7 +73,8 @@ impl World {
     ) -> Self {
         let leg = leg.unwrap_or_else(|| (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05);
         let (rig, cruelty) = Rig::new(plant, leg, seed);
-        let simulation = Simulation::with_body(rig, plant, sensors, FirmwareParams::default(), seed);
+        let board = Firmware::new(plant.vehicle(), FirmwareParams::default());
+        let simulation = Simulation::with_body(rig, plant, sensors, board, seed);
         let start_w = simulation.truth().robot.position_w;
         let linked = LinkedFlight::new(config.linked_params(true).unwrap(), None).unwrap();
         Self {

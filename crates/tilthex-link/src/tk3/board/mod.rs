@@ -8,14 +8,14 @@ use alloc::{format, vec::Vec};
 
 use self::motor::{Event, Motor};
 use super::{HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage, speed};
-use crate::{Severity, Text};
+use crate::{
+    Severity, Text,
+    board::{Board, Measurements, Micros},
+};
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vehicle,
-    plant::{Battery, ImuSample, rotor_current},
+    plant::{Battery, rotor_current},
 };
-
-/// Time since the board was powered, us.
-pub type Micros = u64;
 
 /// Duration of the board's boot: after a reboot it does nothing for this time.
 const BOOT: Micros = 300_000;
@@ -37,15 +37,6 @@ impl Default for FirmwareParams {
         let scales = Identity::parse(identity.as_bytes()).and_then(|known| ImuScales::known(&known));
         Self { identity, scales: scales.unwrap_or(ImuScales::CHIMERA), battery: Battery::new(5.0, 0.9) }
     }
-}
-
-/// The values of the board's sensors when a stream is due.
-#[derive(Clone, Copy, Debug)]
-pub struct Measurements {
-    /// The IMU.
-    pub imu: ImuSample,
-    /// Rotor speeds, Hz.
-    pub rotor_speeds: RotorVector,
 }
 
 /// One stream that the host may request.
@@ -89,6 +80,7 @@ pub struct Firmware {
     /// Whether all motors have been spinning at the same time.
     flew: bool,
     speeds_received: u64,
+    samples_sent: u64,
     silent_until: Micros,
 }
 
@@ -113,19 +105,8 @@ impl Firmware {
             first_start: None,
             flew: false,
             speeds_received: 0,
+            samples_sent: 0,
             silent_until: 0,
-        }
-    }
-
-    /// Takes bytes from the host; writes the answers to `out`.
-    pub fn receive(&mut self, bytes: &[u8], now: Micros, out: &mut Vec<u8>) {
-        if now < self.silent_until {
-            return;
-        }
-        for &byte in bytes {
-            if let Some(message) = self.receiver.push(byte) {
-                self.obey(&message, now, out);
-            }
         }
     }
 
@@ -176,81 +157,10 @@ impl Firmware {
         }
     }
 
-    /// Lets time pass up to `now`, of which `dt` seconds have passed since the last call: watchdogs, battery, and the
-    /// samples that are due, measured by `measure` and written to `out`.
-    pub fn advance(
-        &mut self,
-        now: Micros,
-        dt: f64,
-        true_speeds: &RotorVector,
-        measure: impl FnOnce() -> Measurements,
-        out: &mut Vec<u8>,
-    ) {
-        self.flew |= self.all_spin();
-        self.battery.advance(&true_speeds.as_slice()[..self.motor_count], dt);
-        // The motor controllers continue while the board boots.
-        for (number, motor) in (1_u8..).zip(&mut self.motors[..self.motor_count]) {
-            let event = motor.advance(now);
-            if now >= self.silent_until {
-                announce(event, number, out);
-            }
-        }
-        if now < self.silent_until {
-            return;
-        }
-        let (imu, motors) = (self.imu.due(now), self.motor_states.due(now));
-        if imu || motors {
-            let measured = measure();
-            if imu {
-                let (accelerometer, gyro) =
-                    self.params.scales.encode(&measured.imu.specific_force_i, &measured.imu.gyro_i);
-                let sequence = self.imu.sequence;
-                send(
-                    &VehicleMessage::Imu(ImuFrame { sequence, accelerometer, gyro, temperature: Some(4006) }),
-                    out,
-                );
-            }
-            if motors {
-                for (i, motor) in self.motors[..self.motor_count].iter_mut().enumerate() {
-                    let speed = measured.rotor_speeds[i];
-                    let report = motor.report(i as u8 + 1, speed, rotor_current(speed));
-                    send(&VehicleMessage::Motor(report), out);
-                }
-            }
-        }
-        if self.voltage.due(now) {
-            let millivolts = (1e3 * self.battery.voltage()).clamp(0.0, 65_535.0) as u16;
-            send(&VehicleMessage::Battery { sequence: self.voltage.sequence, millivolts }, out);
-        }
-        if self.magnetometer.due(now) {
-            // 20 uT north, 43 uT down: the magnetic field in central Europe.
-            let field = [2000, 0, -4300];
-            send(&VehicleMessage::Magnetometer { sequence: self.magnetometer.sequence, field }, out);
-        }
-    }
-
-    /// Speeds to which the motors drive their rotors, Hz.
-    #[must_use]
-    pub fn commands(&self) -> RotorVector {
-        RotorVector::from_fn(|i, _| if i < self.motor_count { self.motors[i].command() } else { 0.0 })
-    }
-
     /// Whether every motor spins.
     #[must_use]
     pub fn all_spin(&self) -> bool {
         self.motors[..self.motor_count].iter().all(Motor::is_spinning)
-    }
-
-    /// When the first motor of the start in which all motors spun was ordered to start.
-    #[must_use]
-    pub fn first_start(&self) -> Option<Micros> {
-        self.first_start
-    }
-
-    /// How many `w` messages have arrived.
-    #[must_use]
-    pub fn speeds_received(&self) -> u64 {
-        self.speeds_received
     }
 
     /// The battery.
@@ -280,6 +190,87 @@ impl Firmware {
             *schedule = Schedule::default();
         }
         self.silent_until = now + BOOT;
+    }
+}
+
+impl Board for Firmware {
+    fn receive(&mut self, bytes: &[u8], now: Micros, out: &mut Vec<u8>) {
+        if now < self.silent_until {
+            return;
+        }
+        for &byte in bytes {
+            if let Some(message) = self.receiver.push(byte) {
+                self.obey(&message, now, out);
+            }
+        }
+    }
+
+    fn advance(
+        &mut self,
+        now: Micros,
+        dt: f64,
+        true_speeds: &RotorVector,
+        measure: impl FnOnce() -> Measurements,
+        out: &mut Vec<u8>,
+    ) {
+        self.flew |= self.all_spin();
+        self.battery.advance(&true_speeds.as_slice()[..self.motor_count], dt);
+        // The motor controllers live on while the board boots.
+        for (number, motor) in (1_u8..).zip(&mut self.motors[..self.motor_count]) {
+            let event = motor.advance(now);
+            if now >= self.silent_until {
+                announce(event, number, out);
+            }
+        }
+        if now < self.silent_until {
+            return;
+        }
+        let (imu, motors) = (self.imu.due(now), self.motor_states.due(now));
+        if imu || motors {
+            let measured = measure();
+            if imu {
+                self.samples_sent += 1;
+                let (accelerometer, gyro) =
+                    self.params.scales.encode(&measured.imu.specific_force_i, &measured.imu.gyro_i);
+                let sequence = self.imu.sequence;
+                send(
+                    &VehicleMessage::Imu(ImuFrame { sequence, accelerometer, gyro, temperature: Some(4006) }),
+                    out,
+                );
+            }
+            if motors {
+                for (i, motor) in self.motors[..self.motor_count].iter_mut().enumerate() {
+                    let speed = measured.rotor_speeds[i];
+                    let report = motor.report(i as u8 + 1, speed, rotor_current(speed));
+                    send(&VehicleMessage::Motor(report), out);
+                }
+            }
+        }
+        if self.voltage.due(now) {
+            let millivolts = (1e3 * self.battery.voltage()).clamp(0.0, 65_535.0) as u16;
+            send(&VehicleMessage::Battery { sequence: self.voltage.sequence, millivolts }, out);
+        }
+        if self.magnetometer.due(now) {
+            // 20 uT north, 43 uT down: a field of middle Europe.
+            let field = [2000, 0, -4300];
+            send(&VehicleMessage::Magnetometer { sequence: self.magnetometer.sequence, field }, out);
+        }
+    }
+
+    fn commands(&self) -> RotorVector {
+        RotorVector::from_fn(|i, _| if i < self.motor_count { self.motors[i].command() } else { 0.0 })
+    }
+
+    fn first_start(&self) -> Option<Micros> {
+        self.first_start
+    }
+
+    fn commands_received(&self) -> u64 {
+        self.speeds_received
+    }
+
+    fn samples_sent(&self) -> u64 {
+        self.samples_sent
     }
 }
 

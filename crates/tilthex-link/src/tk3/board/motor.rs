@@ -1,7 +1,9 @@
 //! One motor controller (ESC), as the vehicle's firmware drives it.
 
-use super::Micros;
-use crate::tk3::{LOWEST_SPEED, MotorFrame, MotorState};
+use crate::{
+    board::Micros,
+    tk3::{LOWEST_SPEED, MotorFrame, MotorState},
+};
 
 /// A motor without set-points for this time falls back to its lowest speed.
 pub const FALL_BACK: Micros = 500_000;

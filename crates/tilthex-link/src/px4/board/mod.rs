@@ -1,0 +1,291 @@
+//! The client's end of the link, for simulated vehicles: a flight board that behaves as PX4 does where the link can see
+//! it. It opens a session, makes its topics, sends its streams, and takes throttles in the offboard mode. It has none of
+//! PX4's control laws: its failsafe takes the rotors to their lowest speeds, and disarms later.
+
+mod session;
+
+use alloc::vec::Vec;
+
+use self::session::Session;
+use super::{
+    ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, OFFBOARD,
+    OffboardControlMode, SensorCombined, ThrottleMap, Topic, TopicMessage, VehicleCommand, VehicleStatus,
+};
+use crate::board::{Board, Measurements, Micros};
+use tilthex_core::{
+    MAX_ROTORS, RotorVector, Vector3, Vehicle,
+    plant::{Battery, rotor_current},
+};
+
+/// Without [`OffboardControlMode`] for this long the offboard mode is lost.
+pub const OFFBOARD_LOST: Micros = 500_000;
+/// After this long in its failsafe the board disarms.
+pub const DISARM: Micros = 10_000_000;
+/// The state of a vehicle whose motors stand.
+const DISARMED: u8 = 1;
+/// The modes before the offboard mode and after its loss.
+const MANUAL: u8 = 0;
+const DESCEND: u8 = 12;
+
+/// The board's constants.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClientParams {
+    /// Its battery at the start.
+    pub battery: Battery,
+    /// The throttles that its motors need for their speeds.
+    pub throttle: ThrottleMap,
+    /// Periods of the inertial samples and of the motor controllers' measurements.
+    pub periods: (Micros, Micros),
+    /// Topics that it neither sends nor takes, as a firmware with another `dds_topics.yaml`.
+    pub without: Option<Topic>,
+}
+
+/// The board.
+#[derive(Clone, Debug)]
+pub struct Client {
+    params: ClientParams,
+    session: Session,
+    battery: Battery,
+    lowest: [f64; MAX_ROTORS],
+    highest: [f64; MAX_ROTORS],
+    motor_count: usize,
+    throttles: [f32; MAX_ROTORS],
+    status: VehicleStatus,
+    /// When the newest [`OffboardControlMode`] came.
+    heartbeat: Option<Micros>,
+    /// Since when its failsafe lasts.
+    failsafe: Option<Micros>,
+    next_imu: Micros,
+    next_motors: Micros,
+    next_battery: Micros,
+    next_status: Micros,
+    first_start: Option<Micros>,
+    commands_received: u64,
+    heartbeats_received: u64,
+    samples_sent: u64,
+}
+
+impl Client {
+    /// A board that was just powered, for a vehicle's rotors.
+    #[must_use]
+    pub fn new(vehicle: &Vehicle, params: ClientParams) -> Self {
+        let (mut lowest, mut highest) = ([0.0; MAX_ROTORS], [0.0; MAX_ROTORS]);
+        for ((low, high), rotor) in lowest.iter_mut().zip(&mut highest).zip(vehicle.rotors()) {
+            (*low, *high) = (rotor.min_speed.max(0.0), rotor.max_speed);
+        }
+        Self {
+            params,
+            session: Session::new(params.without),
+            battery: params.battery,
+            lowest,
+            highest,
+            motor_count: vehicle.rotor_count(),
+            throttles: [f32::NAN; MAX_ROTORS],
+            status: VehicleStatus { timestamp: 0, arming: DISARMED, mode: MANUAL },
+            heartbeat: None,
+            failsafe: None,
+            next_imu: 0,
+            next_motors: 0,
+            next_battery: 0,
+            next_status: 0,
+            first_start: None,
+            commands_received: 0,
+            heartbeats_received: 0,
+            samples_sent: 0,
+        }
+    }
+
+    /// Whether motors may turn.
+    #[must_use]
+    pub fn is_armed(&self) -> bool {
+        self.status.arming == ARMED
+    }
+
+    /// Since when its failsafe lasts.
+    #[must_use]
+    pub fn failsafe(&self) -> Option<Micros> {
+        self.failsafe
+    }
+
+    /// How often it was told that throttles come from outside.
+    #[must_use]
+    pub fn heartbeats_received(&self) -> u64 {
+        self.heartbeats_received
+    }
+
+    /// The battery.
+    pub fn battery_mut(&mut self) -> &mut Battery {
+        &mut self.battery
+    }
+
+    fn is_offboard(&self) -> bool {
+        self.status.mode == OFFBOARD
+    }
+
+    fn obey(&mut self, topic: Topic, data: &[u8], now: Micros) {
+        match topic {
+            Topic::ActuatorMotors => {
+                if let Some(motors) = ActuatorMotors::read(data) {
+                    self.commands_received += 1;
+                    self.throttles = motors.control;
+                }
+            }
+            Topic::OffboardControlMode
+                if OffboardControlMode::read(data).is_some_and(|mode| mode.direct_actuator) =>
+            {
+                self.heartbeats_received += 1;
+                self.heartbeat = Some(now);
+            }
+            Topic::VehicleCommand => match VehicleCommand::read(data) {
+                Some(VehicleCommand::Offboard) if self.hears(now) => {
+                    (self.status.mode, self.failsafe) = (OFFBOARD, None);
+                    self.next_status = now;
+                }
+                Some(VehicleCommand::Arm) if self.is_offboard() => {
+                    self.status.arming = ARMED;
+                    self.next_status = now;
+                }
+                Some(VehicleCommand::Disarm) => self.disarm(now),
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    fn disarm(&mut self, now: Micros) {
+        (self.status.arming, self.failsafe) = (DISARMED, None);
+        self.next_status = now;
+    }
+
+    fn hears(&self, now: Micros) -> bool {
+        self.heartbeat.is_some_and(|heard| now - heard < OFFBOARD_LOST)
+    }
+
+    /// The speed of a motor at a throttle and the battery's present voltage, Hz.
+    fn speed(&self, throttle: f32) -> f64 {
+        let [c0, c1, c2] = self.params.throttle.coefficients;
+        let wanted = f64::from(throttle) - c0;
+        let x = if c2 == 0.0 {
+            wanted / c1
+        } else {
+            (libm::sqrt((c1 * c1 + 4.0 * c2 * wanted).max(0.0)) - c1) / (2.0 * c2)
+        };
+        x * self.battery.speed_part(self.params.throttle.voltage)
+    }
+
+    fn driven(&self, motor: usize) -> f64 {
+        let throttle = self.throttles[motor];
+        match (self.is_armed(), self.failsafe) {
+            (false, _) => 0.0,
+            (true, Some(_)) => self.lowest[motor],
+            (true, None) if throttle.is_nan() => 0.0,
+            (true, None) => self.speed(throttle).max(0.3 * self.lowest[motor]).min(1.1 * self.highest[motor]),
+        }
+    }
+
+    fn watch(&mut self, now: Micros) {
+        if self.is_offboard() && !self.hears(now) {
+            self.status.mode = DESCEND;
+            self.failsafe = self.is_armed().then_some(now);
+            self.next_status = now;
+        }
+        if self.failsafe.is_some_and(|since| now - since >= DISARM) {
+            self.disarm(now);
+        }
+    }
+}
+
+/// A vector of tilthex's axes (forward, left, up) in PX4's (forward, right, down).
+fn frd(v: &Vector3) -> [f32; 3] {
+    [v.x as f32, -v.y as f32, -v.z as f32]
+}
+
+/// Whether a time has come; the next one is a period later.
+fn due(next: &mut Micros, period: Micros, now: Micros) -> bool {
+    let due = now >= *next;
+    if due {
+        *next = (*next + period).max(now + period / 2);
+    }
+    due
+}
+
+impl Board for Client {
+    fn receive(&mut self, bytes: &[u8], now: Micros, out: &mut Vec<u8>) {
+        for &byte in bytes {
+            let mut heard = Vec::new();
+            self.session.push(byte, now, &mut heard, out);
+            for (topic, data) in heard {
+                self.obey(topic, &data, now);
+            }
+        }
+    }
+
+    fn advance(
+        &mut self,
+        now: Micros,
+        dt: f64,
+        true_speeds: &RotorVector,
+        measure: impl FnOnce() -> Measurements,
+        out: &mut Vec<u8>,
+    ) {
+        self.battery.advance(&true_speeds.as_slice()[..self.motor_count], dt);
+        self.watch(now);
+        self.session.advance(now, out);
+        let turn = (0..self.motor_count).all(|motor| self.driven(motor) > 0.0);
+        if turn {
+            self.first_start.get_or_insert(now);
+        }
+        let (of_imu, of_motors) = self.params.periods;
+        let (imu, motors) =
+            (due(&mut self.next_imu, of_imu, now), due(&mut self.next_motors, of_motors, now));
+        if !self.session.runs() {
+            return;
+        }
+        // As PX4 does once the session has told it the host's time.
+        let timestamp = self.session.host_time(now);
+        if imu || motors {
+            let measured = measure();
+            if imu {
+                let (gyro, accelerometer) = (frd(&measured.imu.gyro_i), frd(&measured.imu.specific_force_i));
+                self.session.send(&SensorCombined { timestamp, gyro, accelerometer, clipped: false }, out);
+                self.samples_sent += 1;
+            }
+            if motors {
+                let mut escs = [EscReport::default(); ESCS];
+                for (motor, esc) in escs.iter_mut().enumerate().take(self.motor_count) {
+                    let speed = measured.rotor_speeds[motor];
+                    esc.timestamp = timestamp;
+                    esc.rpm = libm::round(60.0 * speed) as i32;
+                    esc.voltage = self.battery.voltage() as f32;
+                    esc.current = rotor_current(speed) as f32;
+                    esc.function = FIRST_MOTOR + motor as u8;
+                }
+                let count = self.motor_count as u8;
+                self.session.send(&EscStatus { timestamp, count, online: 0xff, escs }, out);
+            }
+        }
+        if due(&mut self.next_battery, 1_000_000, now) {
+            let voltage = self.battery.voltage() as f32;
+            self.session.send(&BatteryStatus { timestamp, connected: true, voltage }, out);
+        }
+        if due(&mut self.next_status, 200_000, now) {
+            self.session.send(&VehicleStatus { timestamp, ..self.status }, out);
+        }
+    }
+
+    fn commands(&self) -> RotorVector {
+        RotorVector::from_fn(|motor, _| if motor < self.motor_count { self.driven(motor) } else { 0.0 })
+    }
+
+    fn first_start(&self) -> Option<Micros> {
+        self.first_start
+    }
+
+    fn commands_received(&self) -> u64 {
+        self.commands_received
+    }
+
+    fn samples_sent(&self) -> u64 {
+        self.samples_sent
+    }
+}

@@ -1,0 +1,375 @@
+//! The host's end of the conversation: the streams that come, throttles, the offboard mode, arming and disarming.
+
+use super::{
+    agent::Agent,
+    complaint::Complaint,
+    frame::{AGENT, Decoder},
+    inertial::InertialStream,
+    motors::Motors,
+    rates::Rate,
+    throttle::Throttles,
+    topics::{
+        ARMED, ActuatorMotors, BatteryStatus, ESCS, EscStatus, MOTORS, OFFBOARD, OffboardControlMode,
+        SensorCombined, Topic, TopicMessage, VehicleCommand, VehicleStatus,
+    },
+};
+use crate::{
+    Awaited, FrameLengths, GateCounters, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink,
+};
+use tilthex_core::{
+    Error,
+    flight::{MotorCommand, Telemetry},
+    supervisor::limits::STREAM_SILENT,
+    types::{MAX_ROTORS, RotorVector},
+};
+
+/// Without a client for this long the link gives up, s: one that was in a session with another agent notices after about
+/// 5 s that it is gone.
+const PATIENCE: f64 = 15.0;
+/// Between two messages that keep the offboard mode, each with a fresh command, s.
+const HEARTBEAT_EVERY: f64 = 0.019;
+/// Between two orders to the flight board, s.
+const ORDER_EVERY: f64 = 0.2;
+/// Between the motors of the check the vehicle stays armed for this long, s.
+const STAYS_ARMED: f64 = 0.5;
+/// Motors that were driven are disarmed for at least this long, whatever the vehicle's state says, s.
+const INSIST: f64 = 0.5;
+/// A time before any, s.
+const LONG_AGO: f64 = -1e9;
+/// What a frame adds to a sample: the framing, the header and the object, bytes.
+const AROUND: u16 = 7 + 8 + 4;
+
+/// What the motors were told last.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    Stop,
+    Alone(usize),
+    All,
+}
+
+/// What the streams have brought.
+#[derive(Clone, Debug)]
+struct Streams {
+    inertial: InertialStream,
+    motors: Motors,
+    inertial_rate: Rate,
+    motor_rate: Rate,
+    telemetry: Telemetry,
+    status: VehicleStatus,
+    unreadable: Option<Topic>,
+}
+
+impl Streams {
+    fn take(&mut self, topic: Topic, data: &[u8], now: f64) {
+        let understood = match topic {
+            Topic::SensorCombined => SensorCombined::read(data).map(|sample| {
+                self.inertial_rate.count();
+                self.inertial.take(&sample, now, &mut self.telemetry.inertial);
+            }),
+            Topic::EscStatus => EscStatus::read(data).map(|status| {
+                self.motor_rate.count();
+                self.motors.take(&status, now, &mut self.telemetry);
+            }),
+            Topic::BatteryStatus => BatteryStatus::read(data).map(|battery| {
+                if battery.connected && battery.voltage.is_finite() && battery.voltage > 0.0 {
+                    self.telemetry.battery = Some(f64::from(battery.voltage));
+                }
+            }),
+            Topic::VehicleStatus => VehicleStatus::read(data).map(|status| self.status = status),
+            Topic::ActuatorMotors | Topic::OffboardControlMode | Topic::VehicleCommand => Some(()),
+        };
+        self.unreadable = if understood.is_none() { Some(topic) } else { self.unreadable };
+    }
+
+    fn armed(&self) -> bool {
+        self.status.arming == ARMED
+    }
+
+    fn offboard(&self) -> bool {
+        self.status.mode == OFFBOARD
+    }
+
+    fn silent(&self, now: f64) -> bool {
+        self.telemetry.inertial.age(now) > STREAM_SILENT || self.telemetry.motor_age(now) > STREAM_SILENT
+    }
+}
+
+/// The host's end of the link.
+#[derive(Clone, Debug)]
+pub struct Host {
+    decoder: Decoder,
+    /// The same bytes as they are looked at before.
+    looked: Decoder,
+    awaited: Awaited,
+    agent: Agent,
+    streams: Streams,
+    throttles: Throttles,
+    rotor_count: usize,
+    text: Option<(Severity, Text)>,
+    /// When the first command was given, and how long ago, s.
+    began: Option<f64>,
+    waited: f64,
+    told: Told,
+    stopped: f64,
+    insist: f64,
+    heartbeat: f64,
+    ordered: f64,
+    was_offboard: bool,
+}
+
+impl Host {
+    /// Before the first byte, for a vehicle with `rotor_count` rotors.
+    ///
+    /// # Errors
+    /// More rotors than PX4 has motor controllers in `esc_status`, or a throttle map with impossible numbers.
+    pub fn new(params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
+        if rotor_count > ESCS {
+            return Err(Error::Count {
+                name: "rotors of a PX4 vehicle",
+                found: rotor_count,
+                min: 1,
+                max: ESCS,
+            });
+        }
+        params.throttle.check()?;
+        Ok(Self {
+            decoder: Decoder::new(AGENT),
+            looked: Decoder::new(AGENT),
+            awaited: Awaited::default(),
+            agent: Agent::default(),
+            streams: Streams {
+                inertial: InertialStream::new(params.imu_period_us)?,
+                motors: Motors::new()?,
+                inertial_rate: Rate::new(params.imu_period_us),
+                motor_rate: Rate::new(params.motor_period_us),
+                telemetry: Telemetry::new(rotor_count),
+                status: VehicleStatus::default(),
+                unreadable: None,
+            },
+            throttles: Throttles::new(params.throttle),
+            rotor_count,
+            text: None,
+            began: None,
+            waited: 0.0,
+            told: Told::Stop,
+            stopped: LONG_AGO,
+            insist: LONG_AGO,
+            heartbeat: LONG_AGO,
+            ordered: LONG_AGO,
+            was_offboard: false,
+        })
+    }
+
+    /// Throttles, and now and then that they come from outside: PX4's failsafe acts when either stops.
+    fn send_throttles(&mut self, throttles: &[f32; MAX_ROTORS], now: f64, out: &mut Outgoing) {
+        let mut control = [f32::NAN; MOTORS];
+        let driven = throttles.iter().take(self.rotor_count);
+        control.iter_mut().zip(driven).for_each(|(slot, throttle)| *slot = *throttle);
+        self.agent.send(&ActuatorMotors { control }, out);
+        if now - self.heartbeat >= HEARTBEAT_EVERY {
+            self.agent.send(&OffboardControlMode { direct_actuator: true }, out);
+            self.heartbeat = now;
+        }
+    }
+
+    /// Drives motors: one alone, or all.
+    fn drive(&mut self, told: Told, speeds: &RotorVector, now: f64, out: &mut Outgoing) {
+        let telemetry = &self.streams.telemetry;
+        let obeyed = told == Told::All && self.streams.armed() && self.streams.offboard();
+        let mut throttles = self.throttles.step(speeds, telemetry.motors(), telemetry.battery, now, obeyed);
+        if let Told::Alone(motor) = told {
+            let others = throttles.iter_mut().enumerate().filter(|(index, _)| *index != motor);
+            others.for_each(|(_, throttle)| *throttle = f32::NAN);
+        }
+        self.told = told;
+        self.send_throttles(&throttles, now, out);
+    }
+
+    /// Asks for the offboard mode, then to arm.
+    fn engage(&mut self, now: f64, out: &mut Outgoing) {
+        if self.streams.armed() && self.streams.offboard() || now - self.ordered < ORDER_EVERY {
+            return;
+        }
+        let order = if self.streams.offboard() { VehicleCommand::Arm } else { VehicleCommand::Offboard };
+        self.agent.send(&order, out);
+        self.ordered = now;
+    }
+
+    /// Stops all motors at once; disarms at once too, unless motors are tried one by one.
+    fn stop(&mut self, now: f64, out: &mut Outgoing) {
+        let before = core::mem::replace(&mut self.told, Told::Stop);
+        if before != Told::Stop {
+            let wait = if before == Told::All { 0.0 } else { STAYS_ARMED };
+            (self.stopped, self.ordered) = (now + wait, LONG_AGO);
+            self.insist = self.stopped + INSIST;
+            self.throttles.forget();
+        }
+        let armed = self.streams.armed();
+        if !armed && now >= self.insist {
+            return;
+        }
+        self.send_throttles(&[f32::NAN; MAX_ROTORS], now, out);
+        if now >= self.stopped && now - self.ordered >= ORDER_EVERY {
+            self.agent.send(&VehicleCommand::Disarm, out);
+            self.ordered = now;
+        }
+    }
+
+    /// Which motors are about to spin: all that are driven while they do not, and all where the vehicle is to be disarmed.
+    fn mark_starting(&mut self, now: f64) {
+        let armed = self.streams.armed();
+        for index in 0..self.rotor_count {
+            if let Some(motor) = self.streams.telemetry.motor_mut(index) {
+                let wanted = match self.told {
+                    Told::All => true,
+                    Told::Alone(alone) => index == alone,
+                    Told::Stop => now >= self.stopped,
+                };
+                motor.starting = armed && wanted && !motor.spinning;
+            }
+        }
+    }
+
+    fn update_link(&mut self, now: f64) {
+        let streams = &mut self.streams;
+        // Rates are measured while the motors stand: in flight their silence counts.
+        if self.told == Told::Stop {
+            streams.inertial_rate.step(now);
+            streams.motor_rate.step(now);
+        }
+        let known =
+            [SensorCombined::TOPIC, EscStatus::TOPIC].iter().all(|topic| self.agent.publishes(*topic));
+        let obeys = [ActuatorMotors::TOPIC, OffboardControlMode::TOPIC, VehicleCommand::TOPIC]
+            .iter()
+            .all(|topic| self.agent.wants(*topic));
+        let enough = streams.inertial_rate.is_enough() && streams.motor_rate.is_enough();
+        let refused = |sum: u32, c: GateCounters| sum.saturating_add(c.out_of_range).saturating_add(c.jumps);
+        let of_gates =
+            streams.motors.gate_counters().fold(refused(0, streams.inertial.gate_counters()), refused);
+        let (messages, malformed) = self.agent.counts();
+        let ready = known && obeys && enough && !streams.silent(now);
+        let link = &mut streams.telemetry.link;
+        link.identified |= self.agent.begun();
+        link.ready = ready;
+        link.messages = messages;
+        link.refused_frames = self.decoder.counters().refused().saturating_add(malformed);
+        link.refused_samples = of_gates;
+        link.lost_samples = streams.inertial.lost();
+    }
+
+    /// Says when PX4 takes and leaves the offboard mode while motors are driven.
+    fn tell_mode(&mut self) {
+        let offboard = self.streams.offboard();
+        if self.told == Told::All && self.was_offboard && !offboard {
+            let text = b"PX4 has left the offboard mode: it does not obey any more";
+            self.text = Some((Severity::Error, Text::new(text)));
+        }
+        self.was_offboard = offboard;
+    }
+}
+
+impl VehicleLink for Host {
+    fn look(&mut self, bytes: &[u8]) -> InertialDue {
+        for byte in bytes {
+            if let Some(message) = self.looked.push(*byte)
+                && self.agent.finds(message, Topic::SensorCombined)
+            {
+                self.awaited.arrive();
+            }
+        }
+        self.awaited.due()
+    }
+
+    fn receive(&mut self, bytes: &[u8], now: f64) -> &Telemetry {
+        self.awaited.end_tick();
+        self.streams.telemetry.begin_tick();
+        self.text = None;
+        for byte in bytes {
+            let Self { decoder, agent, streams, .. } = self;
+            let Some(message) = decoder.push(*byte) else { continue };
+            if agent.take(message, |topic, data| streams.take(topic, data, now)) {
+                streams.telemetry.link.heard = now;
+            }
+        }
+        if self.agent.began_anew() {
+            self.streams.telemetry.link.rebooted = true;
+            self.streams.status = VehicleStatus::default();
+            self.streams.inertial_rate.forget();
+            self.streams.motor_rate.forget();
+        }
+        self.tell_mode();
+        self.mark_starting(now);
+        self.update_link(now);
+        &self.streams.telemetry
+    }
+
+    fn telemetry(&self) -> &Telemetry {
+        &self.streams.telemetry
+    }
+
+    fn text(&self) -> Option<(Severity, Text)> {
+        self.text
+    }
+
+    fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
+        self.waited = now - *self.began.get_or_insert(now);
+        match command {
+            MotorCommand::Stop => self.stop(now, out),
+            MotorCommand::Alone(motor, speeds) => {
+                self.drive(Told::Alone(*motor), speeds, now, out);
+                self.engage(now, out);
+            }
+            MotorCommand::Start(speeds) => {
+                self.drive(Told::All, speeds, now, out);
+                self.engage(now, out);
+            }
+            // A pilot who takes over is not contradicted.
+            MotorCommand::Turn(speeds) => self.drive(Told::All, speeds, now, out),
+        }
+        self.agent.answer_all(now, out);
+    }
+
+    fn frames(&self) -> FrameLengths {
+        let escs = EscStatus::LENGTH as u16 + AROUND;
+        let rotors = (self.rotor_count as u16).max(1);
+        FrameLengths {
+            inertial: 48 + AROUND,
+            // All motors come in one frame.
+            motor: escs.div_ceil(rotors),
+            battery: 220 + AROUND,
+            // Its share of a heartbeat comes on top.
+            command: 68 + AROUND + (15 + AROUND) / 10 + 1,
+        }
+    }
+
+    fn refused(&self) -> bool {
+        !self.streams.telemetry.link.identified && self.waited > PATIENCE
+    }
+
+    fn part(&mut self, out: &mut Outgoing) {
+        // Motors that stand shall stay so: a vehicle that is armed and hears nothing more acts by itself.
+        if self.told == Told::Stop && self.streams.armed() {
+            self.agent.send(&VehicleCommand::Disarm, out);
+        }
+    }
+
+    fn complaint(&self) -> Option<Complaint> {
+        if !self.agent.begun() {
+            return None;
+        }
+        let sent = [Topic::SensorCombined, Topic::EscStatus, Topic::VehicleStatus];
+        let taken = [Topic::ActuatorMotors, Topic::OffboardControlMode, Topic::VehicleCommand];
+        let missing = sent.into_iter().find(|topic| !self.agent.publishes(*topic)).map(Complaint::Missing);
+        let unwanted = || taken.into_iter().find(|topic| !self.agent.wants(*topic)).map(Complaint::Unwanted);
+        let unreadable = || self.streams.unreadable.map(Complaint::Unreadable);
+        let rates = [
+            (Topic::SensorCombined, &self.streams.inertial_rate),
+            (Topic::EscStatus, &self.streams.motor_rate),
+        ];
+        let slow = || {
+            let (topic, rate) = rates.into_iter().find(|(_, rate)| rate.is_slow())?;
+            rate.found().map(|(found, expected)| Complaint::Slow { topic, found, expected })
+        };
+        missing.or_else(unwanted).or_else(unreadable).or_else(slow)
+    }
+}

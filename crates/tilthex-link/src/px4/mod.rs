@@ -1,0 +1,32 @@
+//! PX4 over uXRCE-DDS, without ROS and without an agent of its own: the flight board is the DDS-XRCE client, the host is
+//! the agent of its one session, over a serial line or datagrams.
+//!
+//! The host takes inertial samples, the measurements of the motor controllers, the battery and the vehicle's state, and
+//! sends throttles in PX4's offboard mode (`direct_actuator`). `docs/howto/px4.md` says how to set PX4 up.
+
+mod agent;
+#[cfg(feature = "board")]
+pub mod board;
+mod cdr;
+mod complaint;
+mod frame;
+mod host;
+mod inertial;
+mod message;
+mod motors;
+mod rates;
+mod throttle;
+mod topics;
+
+pub use complaint::Complaint;
+pub use frame::{AGENT, CLIENT, Decoder, FrameCounters, MAX_MESSAGE, encode};
+pub use host::Host;
+pub use message::{
+    AGENT_OBJECT, BEST_EFFORT, CLIENT_OBJECT, Draft, Entity, FromAgent, FromClient, Header, Message,
+    NO_STREAM, ObjectId, RELIABLE, Request, Time, TopicName, WITHOUT_KEY,
+};
+pub use throttle::ThrottleMap;
+pub use topics::{
+    ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, MOTORS, OFFBOARD,
+    OffboardControlMode, STUCK, SensorCombined, Topic, TopicMessage, VehicleCommand, VehicleStatus,
+};

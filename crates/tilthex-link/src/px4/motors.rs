@@ -1,0 +1,61 @@
+//! What the motor controllers say: which controller drives which motor, and which measurements are believed.
+
+use super::topics::{ESCS, EscStatus, FIRST_MOTOR, STUCK};
+use crate::{Gate, GateCounters, GateParams, Verdict};
+use tilthex_core::{Error, flight::Telemetry};
+
+/// A motor that is faster than this spins, Hz.
+const SPINS: f64 = 5.0;
+/// Largest change of a speed from one measurement to the next, Hz; a larger one is believed after a few that agree with it.
+const JUMP: f64 = 40.0;
+const PATIENCE: u8 = 4;
+/// A controller that measures exactly 0 where its motor turned is believed after this long, s: telemetry drops to 0 while
+/// motors turn (PX4 16735).
+const DROPPED: f64 = 0.1;
+
+/// The measurements of all motors.
+#[derive(Clone, Debug)]
+pub(super) struct Motors {
+    gates: [Gate<1>; ESCS],
+    /// Since when each measures exactly 0 without having slowed down, s.
+    dropped: [Option<f64>; ESCS],
+}
+
+impl Motors {
+    /// Before the first measurement.
+    ///
+    /// # Errors
+    /// Never: the limits of its gates are constant.
+    pub(super) fn new() -> Result<Self, Error> {
+        let params =
+            GateParams { min: [-1e3], max: [1e3], jump: [JUMP], patience: PATIENCE, longest: PATIENCE };
+        Ok(Self { gates: [Gate::new(params)?; ESCS], dropped: [None; ESCS] })
+    }
+
+    /// Takes the measurements that arrived at `now`, s.
+    pub(super) fn take(&mut self, status: &EscStatus, now: f64, telemetry: &mut Telemetry) {
+        let own = self.gates.iter_mut().zip(&mut self.dropped);
+        for ((place, esc), (gate, dropped)) in (0..status.count).zip(&status.escs).zip(own) {
+            if status.online >> place & 1 == 0 {
+                continue;
+            }
+            // A controller that does not say what it drives drives the motor of its place.
+            let index = esc.function.checked_sub(FIRST_MOTOR).unwrap_or(place);
+            let Some(motor) = telemetry.motor_mut(usize::from(index)) else { continue };
+            motor.current = f64::from(esc.current);
+            motor.emergency = esc.failures & STUCK != 0;
+            let speed = f64::from(esc.rpm) / 60.0;
+            let drops = esc.rpm == 0 && motor.spinning;
+            *dropped = if drops { dropped.or(Some(now)) } else { None };
+            if dropped.is_some_and(|since| now - since < DROPPED) || gate.step(&[speed], 0) != Verdict::Pass {
+                continue;
+            }
+            (motor.heard, motor.speed, motor.spinning) = (now, speed, speed.abs() > SPINS);
+        }
+    }
+
+    /// What its gates have passed and refused.
+    pub(super) fn gate_counters(&self) -> impl Iterator<Item = GateCounters> + '_ {
+        self.gates.iter().map(Gate::counters)
+    }
+}

@@ -1,0 +1,194 @@
+//! Datagrams in the place of a serial line: each is one message of DDS-XRCE. The link sees them framed as on a serial
+//! line, so that it, its log and a replay know one form only.
+
+use std::{
+    io::{self, ErrorKind},
+    net::{Ipv4Addr, SocketAddr, UdpSocket},
+    os::fd::{AsFd, BorrowedFd},
+    time::{Duration, Instant},
+};
+
+use tilthex_link::px4::{AGENT, CLIENT, Decoder, MAX_MESSAGE, encode};
+
+use crate::port::Written;
+
+/// A peer that has been silent for this long gives way to another one.
+const SILENT: Duration = Duration::from_secs(1);
+/// Most bytes of a message as a frame.
+const LONGEST: usize = 2 * MAX_MESSAGE + 13;
+
+/// One end of a conversation in datagrams.
+#[derive(Debug)]
+pub(crate) struct Datagrams {
+    socket: UdpSocket,
+    /// Who is at the other end, and when they were heard; the client knows it from the start.
+    peer: Option<(SocketAddr, Instant)>,
+    /// Whether this is the agent, which takes whoever begins.
+    agent: bool,
+    /// Finds the messages among the bytes to send.
+    sent: Decoder,
+    /// The newest message as a frame, and what of it has not been read.
+    frame: [u8; LONGEST],
+    left: std::ops::Range<usize>,
+}
+
+impl Datagrams {
+    /// The agent's end, which listens at an address.
+    ///
+    /// # Errors
+    /// The kernel's.
+    pub(crate) fn listen(address: SocketAddr) -> io::Result<Self> {
+        Self::new(UdpSocket::bind(address)?, None)
+    }
+
+    /// The client's end of a conversation with the agent at an address.
+    ///
+    /// # Errors
+    /// The kernel's.
+    pub(crate) fn to(agent: SocketAddr) -> io::Result<Self> {
+        Self::new(UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?, Some(agent))
+    }
+
+    fn new(socket: UdpSocket, agent: Option<SocketAddr>) -> io::Result<Self> {
+        socket.set_nonblocking(true)?;
+        Ok(Self {
+            socket,
+            agent: agent.is_none(),
+            sent: Decoder::new(if agent.is_none() { CLIENT } else { AGENT }),
+            peer: agent.map(|agent| (agent, Instant::now())),
+            frame: [0; LONGEST],
+            left: 0..0,
+        })
+    }
+
+    /// The address that it listens at.
+    ///
+    /// # Errors
+    /// The kernel's.
+    #[cfg(test)]
+    pub(crate) fn address(&self) -> io::Result<SocketAddr> {
+        self.socket.local_addr()
+    }
+
+    /// Reads as many bytes as there are, framed, at most `buffer`. Never waits; safe in the loop.
+    pub(crate) fn read(&mut self, buffer: &mut [u8]) -> usize {
+        let mut count = 0;
+        while count < buffer.len() {
+            if self.left.is_empty() && !self.receive() {
+                break;
+            }
+            let from = self.frame.get(self.left.clone()).unwrap_or(&[]);
+            let to = buffer.get_mut(count..).unwrap_or(&mut []);
+            let passed = from.len().min(to.len());
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+            self.left.start += passed;
+            count += passed;
+        }
+        count
+    }
+
+    /// Takes the next datagram of the peer; whether there is one.
+    fn receive(&mut self) -> bool {
+        let mut bytes = [0; MAX_MESSAGE];
+        loop {
+            let (length, sender) = match self.socket.recv_from(&mut bytes) {
+                Ok(found) => found,
+                // Nobody listens where the last datagram went: it is tried again.
+                Err(e) if e.kind() == ErrorKind::ConnectionRefused => continue,
+                Err(_) => return false,
+            };
+            let now = Instant::now();
+            let known = self.peer.is_none_or(|(peer, heard)| {
+                peer == sender || self.agent && now.saturating_duration_since(heard) > SILENT
+            });
+            if !known {
+                continue;
+            }
+            self.peer = Some((sender, now));
+            let (source, destination) = if self.agent { (CLIENT, AGENT) } else { (AGENT, CLIENT) };
+            let message = bytes.get(..length).unwrap_or(&[]);
+            self.left = 0..encode(source, destination, message, &mut self.frame);
+            return true;
+        }
+    }
+
+    /// Sends the messages among `bytes`, a datagram each. Never waits; safe in the loop.
+    pub(crate) fn write(&mut self, bytes: &[u8]) -> Written {
+        let Some((peer, _)) = self.peer else { return Written::Whole };
+        let mut written = Written::Whole;
+        for byte in bytes {
+            let Some(message) = self.sent.push(*byte) else { continue };
+            match self.socket.send_to(message, peer) {
+                Ok(_) => {}
+                Err(e) if e.kind() == ErrorKind::ConnectionRefused => {}
+                Err(_) => written = Written::Short,
+            }
+        }
+        written
+    }
+}
+
+impl AsFd for Datagrams {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn read_all(line: &mut Datagrams, want: usize, step: usize) -> Vec<u8> {
+        let mut got = Vec::new();
+        let mut buffer = vec![0; step];
+        while got.len() < want {
+            let count = line.read(&mut buffer);
+            got.extend_from_slice(&buffer[..count]);
+        }
+        got
+    }
+
+    fn framed(source: u8, destination: u8, messages: &[Vec<u8>]) -> Vec<u8> {
+        let mut out = vec![0; LONGEST];
+        let frame = |message: &Vec<u8>| {
+            let length = encode(source, destination, message, &mut out);
+            out[..length].to_vec()
+        };
+        messages.iter().flat_map(frame).collect()
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(32))]
+        #[test]
+        fn both_ends_read_the_frames_that_were_written(
+            messages in prop::collection::vec(prop::collection::vec(any::<u8>(), 1..200), 1..4), step in 1..600_usize,
+        ) {
+            let mut agent = Datagrams::listen((Ipv4Addr::LOCALHOST, 0).into()).expect("bound");
+            let mut client = Datagrams::to(agent.address().expect("known")).expect("bound");
+            let up = framed(CLIENT, AGENT, &messages);
+            prop_assert_eq!(client.write(&up), Written::Whole);
+            prop_assert_eq!(read_all(&mut agent, up.len(), step), up);
+            let down = framed(AGENT, CLIENT, &messages);
+            prop_assert_eq!(agent.write(&down), Written::Whole);
+            prop_assert_eq!(read_all(&mut client, down.len(), step), down);
+        }
+    }
+
+    #[test]
+    fn a_stranger_does_not_take_the_place_of_the_peer() {
+        let mut agent = Datagrams::listen((Ipv4Addr::LOCALHOST, 0).into()).expect("bound");
+        let address = agent.address().expect("known");
+        let mut client = Datagrams::to(address).expect("bound");
+        let mut stranger = Datagrams::to(address).expect("bound");
+        let of_client = framed(CLIENT, AGENT, &[b"client".to_vec()]);
+        client.write(&of_client);
+        assert_eq!(read_all(&mut agent, of_client.len(), 64), of_client);
+        stranger.write(&framed(CLIENT, AGENT, &[b"stranger".to_vec()]));
+        client.write(&of_client);
+        assert_eq!(read_all(&mut agent, of_client.len(), 64), of_client);
+        agent.write(&framed(AGENT, CLIENT, &[b"hello".to_vec()]));
+        assert_eq!(read_all(&mut client, 12, 64), framed(AGENT, CLIENT, &[b"hello".to_vec()]));
+        assert_eq!(stranger.read(&mut [0; 64]), 0);
+    }
+}
