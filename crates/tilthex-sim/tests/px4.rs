@@ -205,13 +205,13 @@ fn what_px4_does_not_send_is_named_with_what_mends_it() {
         ),
     ] {
         let mut world = World::new(vec![], |board| board.without = Some(without));
-        world.run(15.0, |_, _| false);
+        world.run(6.0, |_, _| false);
         assert_eq!(world.linked.flight.supervisor().phase(), Phase::Disarmed);
         let complaint = world.linked.link.complaint().unwrap().to_string();
         assert!(complaint.contains(part), "{complaint}");
     }
     let mut world = World::new(vec![], |board| board.periods = (10_000, 4000));
-    world.run(15.0, |_, _| false);
+    world.run(6.0, |_, _| false);
     assert_eq!(world.linked.flight.supervisor().phase(), Phase::Disarmed);
     let complaint = world.linked.link.complaint().unwrap();
     let Complaint::Slow { topic: Topic::SensorCombined, found, expected } = complaint else {
