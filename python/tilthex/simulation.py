@@ -26,7 +26,7 @@ TRUTH_HELP = (
 
 
 Truth = _core.Truth | str | os.PathLike[str] | dict[str, Any] | None
-"""How a true vehicle differs from the controller's: `simulate` says what each form means."""
+"""How a true vehicle differs from that of the controller; `simulate` explains each form."""
 
 
 class Run(dict[str, NDArray[np.float64]]):
@@ -123,7 +123,7 @@ _COMMON = {
 
 
 class Runs(dict[str, NDArray[np.float64]]):
-    """What many flights came to: one row a flight, (N,) a figure.
+    """The figures of many flights: (N,) per figure, one row per flight.
 
     `seed`; `position_error_rms` and `position_error_largest`, m, of the pose controller;
     `rotation_error_largest`; `tool_deviation_largest`, m, of the true tool from its set-point;
@@ -132,10 +132,10 @@ class Runs(dict[str, NDArray[np.float64]]):
     """
 
     record: dict[str, NDArray[np.float64]]
-    """The recorded columns, (N, rows, k), named as in `Run`."""
+    """The recorded columns, (N, rows, k), with the names of `Run`."""
 
     def to_dataframe(self) -> pd.DataFrame:
-        """A table with one row a flight. Needs pandas."""
+        """A table with one row per flight. Needs pandas."""
         import pandas as pd
 
         frame: pd.DataFrame = pd.DataFrame(dict(self))
@@ -152,16 +152,17 @@ def simulate_many(
     progress: bool | Callable[[int, int], object] = False,
     **flight: Any,
 ) -> Runs:
-    """Flies many flights in parallel, in Rust and without the GIL; each is the one that `simulate` flies.
+    """Flies many flights in parallel, in Rust and without the GIL. Each flight equals that of `simulate`.
 
     Args:
-        configs: A configuration, or one a flight.
-        truths: A truth as `simulate` takes it, or a sequence with one a flight.
-        seeds: A seed, or one a flight: `range(100)` flies a hundred. Sequences have equal lengths.
+        configs: One configuration, or one for each flight.
+        truths: One truth as `simulate` takes it, or a sequence with one for each flight.
+        seeds: One seed, or one for each flight: `range(100)` flies a hundred. Sequences have equal
+            lengths.
         record: The columns of `Run` that are kept for every flight.
-        workers: How many flights at once; as many as there are processors unless given.
-        progress: True for a bar on the terminal, or a function of how many flights have ended and of their
-            number.
+        workers: Number of flights at the same time; the number of processors if it is not given.
+        progress: True for a bar on the terminal, or a function that gets the number of flights that have
+            ended and the number of all flights.
         **flight: The other arguments of `simulate`, the same for all flights.
 
     Raises:
@@ -198,7 +199,7 @@ def _is_several(value: Any) -> bool:
 
 
 def _told(progress: bool | Callable[[int, int], object], count: int) -> Callable[[int], object] | None:
-    """What is called with the number of flights that have ended."""
+    """The function that is called with the number of flights that have ended."""
     if callable(progress):
         return lambda ended: progress(ended, count)
     if not progress:

@@ -1,8 +1,9 @@
 //! Hybrid force and pose control: along chosen axes the tool's force is controlled, along the others its pose.
 //!
-//! Raibert and Craig 1981 select the axes of a task frame. Here the task frame is that of the tool, or of a surface. Along a
-//! chosen axis neither place nor motion of the set-point acts on the reference, and the dead zone is left out: the filter
-//! moves the reference until the observed wrench and the commanded one balance, `M a_r + D v_r = what_E + w_user`.
+//! Raibert and Craig 1981 select the axes of a task frame. Here the task frame is that of the tool, or of a surface.
+//! Along a chosen axis neither position nor motion of the set-point acts on the reference, and the dead zone does not
+//! act: the filter moves the reference until the observed wrench and the commanded one balance, `M a_r + D v_r =
+//! what_E + w_user`.
 
 use crate::{
     Error,
@@ -24,11 +25,11 @@ use crate::{
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ForceAxes {
-    /// Along which axes the force is controlled.
+    /// The axes along which the force is controlled.
     pub force: [bool; 3],
-    /// About which axes the torque is controlled.
+    /// The axes about which the torque is controlled.
     pub torque: [bool; 3],
-    /// Maps the surface's coordinates, whose axes these are, to world coordinates; without it they are the tool's axes.
+    /// Maps coordinates of the surface, whose axes these are, to world coordinates. `None` for the tool's axes.
     pub surface_ws: Option<Matrix3>,
 }
 
@@ -58,12 +59,12 @@ impl ForceAxes {
     }
 
     /// # Errors
-    /// The surface's axes are no rotation.
+    /// If the surface's axes are not a rotation.
     pub fn check(&self) -> Result<(), Error> {
         self.surface_ws.map_or(Ok(()), |surface_ws| so3::check_rotation("surface", &surface_ws))
     }
 
-    /// Where the tool has the orientation `rotation_we`.
+    /// The chosen axes in world coordinates, for a tool with the orientation `rotation_we`.
     #[must_use]
     pub fn at(&self, rotation_we: &Matrix3) -> Forced {
         if !self.any() {
@@ -93,7 +94,7 @@ impl Forced {
         self.any
     }
 
-    /// A wrench behind the dead zones, N and N m, which do not act along the chosen axes.
+    /// A wrench after the dead zones, N and N m. They do not act along the chosen axes.
     #[must_use]
     pub fn beyond(&self, wrench_w: &Wrench, dead_zones: (f64, f64)) -> Wrench {
         let [force, torque] = &self.projections;
@@ -107,7 +108,7 @@ impl Forced {
         }
     }
 
-    /// What of a wrench lies along the chosen axes.
+    /// The part of a wrench along the chosen axes.
     #[must_use]
     pub fn along(&self, wrench_w: &Wrench) -> Wrench {
         let [force, torque] = &self.projections;

@@ -1,11 +1,12 @@
-//! How fast the reference moves relative to its set-point, and how much energy it may put into what the tool touches.
+//! Bounds of the reference's speed relative to its set-point, and of the energy that it gives to what the tool
+//! touches.
 //!
-//! The admittance filter alone is passive. With the observer's lag, the delays of the loop and a commanded wrench it is not:
-//! against a stiff wall the tool may bounce harder and harder. The tank counts the energy `-what_E . dv dt` that the
-//! reference, relative to its set-point, gives to the environment. A constant power and what the environment gives back fill
-//! it up to its capacity. Where it is empty, the reference is pushed along `what_E`, as an impulse of the environment on
-//! the filter's mass would, until it gives no more than that power. So over any time t it gives at most
-//! `capacity + power t` (Ferraguti et al. 2015 bound an admittance likewise).
+//! The admittance filter alone is passive. With the observer's lag, the delays of the loop and a commanded wrench it
+//! is not: against a stiff wall the tool may bounce harder and harder. The tank counts the energy `-what_E . dv dt`
+//! that the reference, relative to its set-point, gives to the environment. A constant power, and the energy that the
+//! environment gives back, fill it up to its capacity. If it is empty, the reference is pushed along `what_E`, as an
+//! impulse of the environment on the filter's mass would push it, until it gives no more than that power. So in any
+//! time t it gives at most `capacity + power t` (Ferraguti et al. 2015 bound an admittance in a similar way).
 
 use crate::{
     Error,
@@ -38,7 +39,7 @@ use crate::{
 pub struct ReferenceBounds {
     /// Largest speed relative to the set-point, m/s.
     pub speed: f64,
-    /// Largest angular velocity likewise, rad/s.
+    /// Largest angular velocity relative to the set-point, rad/s.
     pub spin: f64,
     /// Energy that the tank holds, J.
     pub capacity: f64,
@@ -77,7 +78,7 @@ impl ReferenceBounds {
         let twist_w = Wrench::from_vector(&state.twist_w);
         let slower = |v: Vector3, most: f64| v * (most / v.norm().max(most) - 1.0);
         let (v, w) = (slower(twist_w.force, self.speed), slower(twist_w.torque, self.spin));
-        // What is held back this tick is not accelerated either.
+        // The part of the velocity that is removed in this tick is removed from the acceleration too.
         reference.acceleration_w += v / dt;
         reference.angular_acceleration_w += w / dt;
         let slowed = state.twist_w + Wrench { force: v, torque: w }.to_vector();
@@ -88,7 +89,7 @@ impl ReferenceBounds {
         reference.angular_velocity_w += change.torque;
     }
 
-    /// The change of the twist that keeps to the tank's energy.
+    /// The change of the twist with which the tank's energy is not exceeded.
     fn back(&self, level: &mut f64, twist_w: &Vector6, felt_w: (&Wrench, &Vector6), dt: f64) -> Vector6 {
         let (felt_w, impulse_w) = (felt_w.0.to_vector(), felt_w.1);
         let (given, weight) = (-felt_w.dot(twist_w), felt_w.dot(impulse_w));

@@ -15,7 +15,7 @@ use tilthex_sim::{
 
 type Columns<'py> = Bound<'py, PyDict>;
 
-/// What flights with different configurations, truths and seeds have in common: the arguments of `tilthex.simulate`.
+/// The arguments of `tilthex.simulate` that are equal for flights with different configurations, truths and seeds.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
 pub(crate) struct Common<'py> {
@@ -87,9 +87,9 @@ pub(crate) fn simulate<'py>(
     columns(py, &[&record], false)
 }
 
-/// Simulates many flights, in `workers` threads: one for each of `configs`, `truths` and `seeds`, which have equal lengths.
-/// `progress` is called with the number of flights that have ended. Returns two dicts: the figures of the flights, (N,)
-/// each, and the columns of `record`, (N, rows, k) each.
+/// Simulates many flights in `workers` threads: one flight for each of `configs`, `truths` and `seeds`, which have
+/// equal lengths. `progress` is called with the number of flights that have ended. Returns two dicts: the figures of
+/// the flights, (N,) each, and the columns of `record`, (N, rows, k) each.
 #[pyfunction]
 #[expect(clippy::too_many_arguments, reason = "called by tilthex.simulate_many alone")]
 pub(crate) fn simulate_many<'py>(
@@ -138,7 +138,7 @@ pub(crate) fn simulate_many<'py>(
     Ok((figures(py, &flown)?, columns(py, &records, true)?))
 }
 
-/// The figures of many flights, a column each.
+/// The figures of many flights, one column per figure.
 fn figures<'py>(py: Python<'py>, flown: &[Outcome]) -> PyResult<Columns<'py>> {
     type Figure = fn(&Summary) -> f64;
     let figures: [(&str, Figure); 8] = [
@@ -158,7 +158,7 @@ fn figures<'py>(py: Python<'py>, flown: &[Outcome]) -> PyResult<Columns<'py>> {
     Ok(dict)
 }
 
-/// The columns of records of equal length: (N, rows, k) where they are stacked, otherwise (rows, k) of the only record.
+/// The columns of records of equal length: (N, rows, k) if they are stacked, otherwise (rows, k) of the only record.
 fn columns<'py>(py: Python<'py>, records: &[&Record], stacked: bool) -> PyResult<Columns<'py>> {
     let dict = PyDict::new(py);
     let Some(first) = records.first() else { return Ok(dict) };

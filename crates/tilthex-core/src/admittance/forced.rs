@@ -1,4 +1,4 @@
-//! The spring where a set-point controls force along some axes.
+//! The spring for a set-point that controls force along some axes.
 
 use super::{AdmittanceFilter, AdmittanceState, Axes, Law, propagator::Block, spring::join, turned};
 use crate::{
@@ -7,12 +7,13 @@ use crate::{
 };
 
 impl AdmittanceFilter {
-    /// The force axes of a set-point, where it has any: those of the reference's tool, or of the surface.
+    /// The force axes of a set-point, if it has any: those of the reference's tool, or of the surface.
     pub(super) fn forced(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Option<Forced> {
         setpoint.force_axes.any().then(|| setpoint.force_axes.at(&(state.rotation * setpoint.rotation_we)))
     }
 
-    /// The wrench of the spring against a deviation of the reference, N and N m, world, where all axes are sprung.
+    /// The wrench of the spring against a deviation of the reference, N and N m, world, if the spring acts along all
+    /// axes.
     pub(super) fn spring_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Wrench {
         let strained = |s: &AdmittanceState| self.spring.at(&s.translation_w, &s.rotation, true).wrench;
         Wrench::from_vector(&match self.params.axes {
@@ -24,7 +25,7 @@ impl AdmittanceFilter {
         })
     }
 
-    /// The same where no spring acts along the force axes.
+    /// The wrench of the spring if it does not act along the force axes.
     pub(super) fn relieved_w(&self, state: &AdmittanceState, setpoint: &Setpoint, forced: &Forced) -> Wrench {
         let [along, _] = &forced.projections;
         let across =
@@ -33,7 +34,7 @@ impl AdmittanceFilter {
         spring_w - forced.along(&spring_w)
     }
 
-    /// The wrench by which the motion of the set-point carries the reference along, N and N m, world.
+    /// The wrench by which the motion of the set-point moves the reference, N and N m, world.
     pub(super) fn carried_w(&self, setpoint: &Setpoint) -> Wrench {
         let (v, w) = (&setpoint.velocity_w, &setpoint.angular_velocity_w);
         let (a, alpha) = (&setpoint.acceleration_w, &setpoint.angular_acceleration_w);
@@ -41,7 +42,7 @@ impl AdmittanceFilter {
         Wrench::from_vector(&(mass * join(a, alpha) + damping * join(v, w)))
     }
 
-    /// The wrench of the spring that acts, N and N m, world.
+    /// The wrench of the spring along the axes along which it acts, N and N m, world.
     pub(crate) fn acting_spring_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Wrench {
         self.forced(state, setpoint).map_or_else(
             || self.spring_w(state, setpoint),

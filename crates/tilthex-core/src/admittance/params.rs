@@ -20,7 +20,7 @@ impl Axes {
     /// All of them.
     pub const ALL: [Self; 2] = [Self::World, Self::Tool];
 
-    /// As the configuration names them.
+    /// The name in a configuration.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -33,7 +33,7 @@ impl Axes {
 /// Mass, damping and stiffness at the tool (translation first), and limits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AdmittanceParams {
-    /// Whose axes the matrices have.
+    /// The axes of the matrices.
     pub axes: Axes,
     /// M, kg and kg m^2; positive definite.
     pub mass: Matrix6,
@@ -47,7 +47,7 @@ pub struct AdmittanceParams {
     pub max_rotation: f64,
 }
 
-/// Those of the paper's vehicle in free flight.
+/// The parameters of the paper's vehicle in free flight.
 impl Default for AdmittanceParams {
     fn default() -> Self {
         let diagonal = |d: [f64; 6]| Matrix6::from_diagonal(&Vector6::from(d));

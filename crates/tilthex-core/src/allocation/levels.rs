@@ -83,7 +83,7 @@ impl Levels {
             let norm = self.order.iter().take(*end).skip(begin).map(size).fold(0.0, f64::max);
             let slots = self.order.iter().zip(&mut self.rows).zip(&mut self.wrench_scale);
             for ((place, scaled), scale) in slots.take(*end).skip(begin) {
-                // A level that no rotor moves stays zero.
+                // The row of a level on which no rotor acts stays zero.
                 if norm > NO_EFFECT * largest {
                     *scale = norm * self.input_scale;
                     *scaled = row(matrix, *place).map(|x| x / norm);
@@ -94,7 +94,7 @@ impl Levels {
         self
     }
 
-    /// Searches from and to `state`; returns the steps it took.
+    /// Searches from `state`, and writes the result to it; returns the number of steps.
     pub(super) fn solve(
         &self,
         state: &mut AllocatorState,
@@ -102,7 +102,7 @@ impl Levels {
         limits: (&RotorVector, &RotorVector),
         preferred: Option<&RotorVector>,
     ) -> u32 {
-        // No more work than the rotors there are.
+        // The search has only as many variables as there are rotors.
         match self.rotor_count {
             0..=6 => self.solve_first::<6>(state, wrench, limits, preferred),
             7..=8 => self.solve_first::<8>(state, wrench, limits, preferred),

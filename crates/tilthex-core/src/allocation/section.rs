@@ -7,8 +7,8 @@ use crate::{
     vehicle::{Allocation as Matrix, AllocationInverse, inputs},
 };
 
-/// The convex set of the body forces that go with no torque: the section of
-/// the attainable wrenches where the vehicle hovers.
+/// The convex set of the body forces that the vehicle can produce without a torque: the section of the attainable
+/// wrenches for hovering.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ForceSection {
     matrix: Matrix,
@@ -17,7 +17,7 @@ pub struct ForceSection {
     upper: RotorVector,
     full: bool,
     levels: Levels,
-    /// The limits of each of six rotors as planes, where every wrench has inputs of its own.
+    /// The limits of each of six rotors as planes, if every wrench has exactly one set of inputs.
     faces: Option<[Face; 6]>,
 }
 
@@ -30,8 +30,8 @@ struct Face {
 }
 
 impl ForceSection {
-    /// That of a vehicle of which each rotor keeps the part `reserve` of its
-    /// input range at either end for torques and disturbances.
+    /// The section of a vehicle whose rotors each keep the part `reserve` of their input range free at either end,
+    /// for torques and disturbances.
     #[must_use]
     pub fn new(vehicle: &Vehicle, reserve: f64) -> Self {
         let (mut min, mut max) = (RotorVector::zeros(), RotorVector::zeros());
@@ -60,8 +60,8 @@ impl ForceSection {
         }
     }
 
-    /// A plane, `normal . f <= offset`, that the set lies behind and `force_r` more than `tolerance`
-    /// (N) in front of; none where the force is in the set.
+    /// A plane, `normal . f <= offset`, with the set on one side and `force_r` on the other, more than `tolerance`
+    /// (N) away from it; `None` if the force is in the set.
     pub(crate) fn cut(
         &self,
         state: &mut AllocatorState,
@@ -92,8 +92,8 @@ impl ForceSection {
         cut
     }
 
-    /// The force of the set nearest to `force_r`, N, and the torque that is
-    /// left where lost rotors allow none to be without.
+    /// The force of the set that is nearest to `force_r`, N, and the torque that is left if lost rotors allow no
+    /// force without a torque.
     #[must_use]
     pub fn nearest(&self, state: &mut AllocatorState, force_r: &Vector3, rotors: &RotorStatus) -> Wrench {
         let wrench = Vector6::new(force_r.x, force_r.y, force_r.z, 0.0, 0.0, 0.0);

@@ -1,13 +1,12 @@
-//! Where the centre of mass goes while the attitude yields: the turn is about the tool.
+//! The motion of the centre of mass while the attitude yields, so that the turn is about the tool.
 //!
-//! A turn about the centre of mass would take the tool along by the turn times the
-//! tool's lever. So the centre of mass is led to where the turned attitude has the tool
-//! at its reference, `r - T r` from where it would be without the turn T (r: the tool in
-//! robot coordinates). It is led there by a critically damped filter of second order
-//! whose rate is a half of `sqrt(g / |r|)`. Moving it takes horizontal force, which a vehicle
-//! with no force to spare takes from a turn: of an angle a, `m |r| s^2 a` where the angle
-//! itself gives `m g a`. With the filter this loop has a gain of
-//! `|r| w^2 / g |s / (s + w)|^2 <= 1/4` at every frequency, whatever the vehicle can push.
+//! A turn about the centre of mass would move the tool by the turn times the tool's lever. Therefore the centre of
+//! mass is led to the position at which the turned attitude has the tool at its reference. This position is `r - T r`
+//! away from the one without the turn T (r: the tool in robot coordinates). A critically damped filter of second
+//! order leads it there, with the rate `sqrt(g / |r|) / 2`. To move the centre of mass takes horizontal force, and a
+//! vehicle with no force to spare must turn for it: an angle a demands `m |r| s^2 a`, and gives `m g a`. With the
+//! filter this loop has a gain of `|r| w^2 / g |s / (s + w)|^2 <= 1/4` at every frequency, whatever the vehicle can
+//! push.
 
 use crate::{
     GRAVITY,
@@ -15,24 +14,24 @@ use crate::{
 };
 use libm::{exp, sqrt};
 
-/// The filter's rate in parts of `sqrt(g / |r|)`: its square bounds the gain of the loop.
+/// The filter's rate divided by `sqrt(g / |r|)`. Its square bounds the gain of the loop.
 const RATE: f64 = 0.5;
-/// Levers below this, m, count as this long.
+/// A lever shorter than this, m, counts as this long.
 const SHORTEST: f64 = 0.02;
 
 /// Leads the centre of mass of one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct AboutTool {
-    /// The tool from the centre of mass, m, robot.
+    /// Position of the tool from the centre of mass, m, robot.
     pub lever_r: Vector3,
-    /// 1/s.
+    /// Rate of the filter, 1/s.
     pub rate: f64,
 }
 
-/// How far it has been led.
+/// The state of the filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Led {
-    /// m and m/s, along the wanted attitude's axes.
+    /// Offset and speed, m and m/s, along the wanted attitude's axes.
     offset_r: Vector3,
     rate_r: Vector3,
 }
@@ -42,15 +41,15 @@ impl AboutTool {
         Self { lever_r: *lever_r, rate: RATE * sqrt(GRAVITY / lever_r.norm().max(SHORTEST)) }
     }
 
-    /// Moves on by `dt` seconds with a turn from the wanted to the chosen attitude, and leads the
-    /// wanted reference.
+    /// Moves by `dt` seconds with a turn from the wanted to the chosen attitude, and returns the wanted reference
+    /// with the led position.
     pub(super) fn lead(&self, state: &mut Led, wanted: &Reference, turn: &Matrix3, dt: f64) -> Reference {
         if *state == Led::default() && *turn == Matrix3::identity() {
             return *wanted;
         }
         let target = self.lever_r - turn * self.lever_r;
         let left = state.offset_r - target;
-        // Exact over a period in which the turn holds.
+        // Exact over a period in which the turn is constant.
         let slope = state.rate_r + left * self.rate;
         let decay = exp(-self.rate * dt);
         let left = (left + slope * dt) * decay;

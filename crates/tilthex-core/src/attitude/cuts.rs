@@ -1,9 +1,9 @@
-//! Forces of one size, on the sphere of which planes cut off what is impossible.
+//! Forces of one magnitude: a sphere from which planes cut the impossible forces.
 
 use crate::types::Vector3;
 use libm::{fabs, sqrt};
 
-/// Cutting planes that are kept.
+/// Largest number of cutting planes.
 const PLANES: usize = 8;
 
 /// The half space `normal . f <= offset`.
@@ -13,7 +13,7 @@ pub(super) struct Plane {
     pub offset: f64,
 }
 
-/// Forces of one size, some cut off by planes.
+/// Forces of one magnitude, some of which planes have cut off.
 pub(super) struct Sphere {
     wanted: Vector3,
     size: f64,
@@ -22,7 +22,7 @@ pub(super) struct Sphere {
 }
 
 impl Sphere {
-    /// All forces as large as the wanted one.
+    /// All forces with the magnitude of the wanted one.
     pub(super) fn new(wanted: Vector3) -> Self {
         Self { wanted, size: wanted.norm(), planes: [Plane::default(); PLANES], count: 0 }
     }
@@ -46,13 +46,13 @@ impl Sphere {
         self.planes[slackest] = plane;
     }
 
-    /// The force of this size inside all planes that is nearest to the wanted one:
-    /// on one plane's circle, or where two circles meet.
+    /// The force of this magnitude inside all planes that is nearest to the wanted one: on the circle of one plane,
+    /// or at the intersection of two circles.
     pub(super) fn nearest(&self) -> Option<Vector3> {
         let planes = self.planes.get(..self.count).unwrap_or(&[]);
         let mut best: Option<Vector3> = None;
         let mut consider = |f: Vector3| {
-            // Wide enough that rounding leaves the corners in.
+            // Large enough that rounding does not remove the corners.
             let slack = 1e-9 * self.size;
             let allowed = planes.iter().all(|p| p.normal.dot(&f) <= p.offset + slack);
             if allowed && best.is_none_or(|b| f.dot(&self.wanted) > b.dot(&self.wanted)) {
@@ -77,7 +77,7 @@ impl Sphere {
         let radius2 = self.size * self.size - p.offset * p.offset;
         let along = self.wanted - p.normal * p.normal.dot(&self.wanted);
         let length = along.norm();
-        // From the pole every direction is as near: take the most upright.
+        // At the pole every direction is equally near: take the most upright one.
         let along = if length > 1e-9 * self.size {
             along / length
         } else {

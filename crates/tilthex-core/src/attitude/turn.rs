@@ -1,10 +1,8 @@
 //! The turn from the wanted to the chosen attitude, as fast as the rotors allow.
 //!
-//! A filter of third order: the turn follows its target with a bounded angular
-//! acceleration that itself changes only as fast as the rotors' lag lets it. Far
-//! from the target it brakes in time, near it the filter is linear. What the
-//! lag takes from the acceleration is known, and is commanded in addition
-//! ([`Turned::lead_r`]).
+//! A filter of third order. The turn follows its target with a bounded angular acceleration, which changes only as
+//! fast as the rotors' lag allows. Far from the target it brakes in time; near the target the filter is linear. The
+//! part of the acceleration that the lag removes is known, and is commanded in addition ([`Turned::lead_r`]).
 
 use crate::{
     Vehicle,
@@ -14,9 +12,9 @@ use crate::{
 };
 use libm::{cos, exp, fabs, sin, sqrt};
 
-/// Part of the angular acceleration beside a hover that turns may use; the rest is for disturbances.
+/// Part of the angular acceleration in a hover that turns may use; the rest is for disturbances.
 const SHARE: f64 = 0.5;
-/// Part of a turn's acceleration that braking counts on: it, too, comes with the lag.
+/// Part of a turn's acceleration that the braking uses, because braking has the lag too.
 const BRAKING: f64 = 0.5;
 /// If the wanted attitude is this far, rad, from the one that its angular velocity predicts, it has jumped.
 const JUMP: f64 = 0.08;
@@ -28,14 +26,14 @@ const NONE: f64 = 1e-9;
 /// Largest angular accelerations of a turn, rad/s^2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TurnLimits {
-    /// About any axis across the body's z axis.
+    /// About any axis normal to the body's z axis.
     pub tilt: f64,
     /// About the body's z axis.
     pub yaw: f64,
 }
 
 impl TurnLimits {
-    /// Half of what the rotors can add to a level hover without losing height.
+    /// Half of the angular acceleration that the rotors can add to a level hover without losing height.
     #[must_use]
     pub fn of(vehicle: &Vehicle) -> Self {
         let allocator = Allocator::new(vehicle);
@@ -56,7 +54,7 @@ impl TurnLimits {
         let around = (0..24).map(|k| f64::from(k) * core::f64::consts::PI / 12.0);
         let tilt = around.map(|a| largest(Vector3::new(cos(a), sin(a), 0.0))).fold(f64::INFINITY, f64::min);
         let yaw = largest(Vector3::z()).min(largest(-Vector3::z()));
-        // A vehicle too heavy to hover still has to turn somehow.
+        // A vehicle that is too heavy to hover needs limits too.
         Self { tilt: (SHARE * tilt).max(1.0), yaw: (SHARE * yaw).max(1.0) }
     }
 
@@ -70,13 +68,13 @@ impl TurnLimits {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct TurnFilter {
     pub limits: TurnLimits,
-    /// Of the linear filter near the target, rad/s.
+    /// Bandwidth of the linear filter near the target, rad/s.
     pub bandwidth: f64,
     /// Time constant of the rotors, s.
     pub lag: f64,
 }
 
-/// The turn now.
+/// The present turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TurnState {
     /// Rotation vector from the wanted to the chosen attitude, rad.
@@ -85,21 +83,20 @@ pub struct TurnState {
     pub rate_r: Vector3,
     /// Its angular acceleration, rad/s^2, chosen body coordinates.
     pub acceleration_r: Vector3,
-    /// Attitude and angular velocity wanted last.
+    /// Wanted attitude and angular velocity of the last call.
     wanted: Option<(Matrix3, Vector3)>,
 }
 
-/// The wanted reference, turned.
+/// The reference in the chosen attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Turned {
     pub reference: Reference,
-    /// Angular acceleration, rad/s^2, to ask for beyond the reference's, since
-    /// the rotors follow with a lag.
+    /// Angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
     pub lead_r: Vector3,
 }
 
 impl TurnFilter {
-    /// Moves the turn on towards a target rotation vector, wanted body coordinates.
+    /// Moves the turn towards a target rotation vector, wanted body coordinates.
     pub(super) fn step(
         &self,
         state: &mut TurnState,
@@ -128,10 +125,10 @@ impl TurnFilter {
         Turned { reference, lead_r }
     }
 
-    /// Keeps the chosen attitude and its rate where the wanted ones jump: no rotor can follow a jump.
+    /// Keeps the chosen attitude and its rate if the wanted ones jump: no rotor can follow a jump.
     fn absorb_jump(state: &mut TurnState, wanted: &Reference, dt: f64) {
         let Some((rotation_wr, velocity_r)) = state.wanted else { return };
-        // Where the wanted attitude now was a period ago, by its angular velocity.
+        // The wanted attitude one period ago, by its present angular velocity.
         let origin_wr = wanted.rotation_wr * so3::exp(&(-dt * wanted.angular_velocity_r));
         let jump = origin_wr.transpose() * rotation_wr;
         if so3::angle(&jump) <= JUMP {
@@ -143,7 +140,7 @@ impl TurnFilter {
         state.rate_r += before.transpose() * velocity_r - turn.transpose() * wanted.angular_velocity_r;
     }
 
-    /// One period; returns the acceleration that makes up for the lag.
+    /// One period; returns the acceleration that compensates the lag.
     fn advance(&self, state: &mut TurnState, target: &Vector3, dt: f64) -> Vector3 {
         let bandwidth = self.bandwidth.min(LARGEST_STEP / dt);
         // Without lag the poles of the linear filter are those of (s + bandwidth)^2.
@@ -162,8 +159,8 @@ impl TurnFilter {
         change * (self.lag / dt)
     }
 
-    /// The rate towards a target that far away: proportional near it, beyond
-    /// that as fast as braking in time allows.
+    /// The rate towards a target at this distance: proportional near the target, otherwise as fast as braking in time
+    /// allows.
     fn approach_rate(&self, away: &Vector3, gain: f64) -> Vector3 {
         let distance = away.norm();
         let limit = distance / self.limits.times(away).max(f64::MIN_POSITIVE) * BRAKING;

@@ -1,4 +1,4 @@
-//! Many simulated flights, one worker thread a processor.
+//! Many simulated flights, with one worker thread per processor.
 
 use super::{Record, Scenario, World, fly};
 use crate::Body;
@@ -14,15 +14,15 @@ use std::{
 use tilthex_config::ConfigError;
 use tilthex_core::supervisor::Phase;
 
-/// How long the caller waits at most until it is asked again whether to go on.
+/// Longest time until the caller is asked again whether to continue.
 const ASKED: Duration = Duration::from_millis(100);
 
-/// What a flight came to.
+/// The figures of a flight.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Root mean square and largest length of the position error of the pose controller, m.
     pub position_error: (f64, f64),
-    /// Largest length of its rotation error.
+    /// Largest norm of the rotation error of the pose controller.
     pub rotation_error: f64,
     /// Largest distance of the true tool from its set-point, m.
     pub tool_deviation: f64,
@@ -53,7 +53,7 @@ impl Summary {
         self.ticks += 1;
     }
 
-    /// Sums become means.
+    /// Turns the sums into means.
     fn ended(mut self) -> Self {
         let ticks = f64::from(self.ticks.max(1));
         self.position_error.0 = (self.position_error.0 / ticks).sqrt();
@@ -65,14 +65,14 @@ impl Summary {
 /// One of many flights.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outcome {
-    /// What it came to.
+    /// Its figures.
     pub summary: Summary,
     /// The recorded quantities.
     pub record: Record,
 }
 
-/// Simulates all scenarios with so many `workers`, and records the quantities named in `wanted`. Each flight is the one that
-/// [`run`](super::run) gives. `progress` gets the number of flights that have ended, at least ten times a second; where it
+/// Simulates all scenarios in `workers` threads, and records the quantities of `wanted`. Each flight equals that of
+/// [`run`](super::run). `progress` gets the number of flights that have ended, at least ten times a second. If it
 /// breaks, no further flight begins, and the result is `None`.
 ///
 /// # Errors

@@ -52,12 +52,12 @@ pub struct Record {
     rows: usize,
     /// Which of [`NAMES`] are recorded.
     wanted: [bool; NAMES.len()],
-    /// The next of them in this row, and the next recorded column.
+    /// The next quantity of this row, and the next recorded column.
     next: (usize, usize),
 }
 
 impl Record {
-    /// An empty record of these quantities with room for `rows` rows.
+    /// An empty record of the wanted quantities with room for `rows` rows.
     pub(super) fn new(rows: usize, wanted: impl Fn(&str) -> bool) -> Self {
         Self { rows, wanted: NAMES.map(wanted), ..Self::default() }
     }
