@@ -14,6 +14,7 @@ export PATH := $(CURDIR)/$(BIN):$(PATH)
 help:
 	@echo "make demo      fly the simulated Tilt-Hex, push its tool, print a summary"
 	@echo "make test      everything: lints, Rust and Python tests, stubs"
+	@echo "make browser-test  tilthex view in a headless Chromium"
 	@echo "make bench     speed, as ratios against NumPy in the same run"
 	@echo "make bench-rt  the loop's timing on this machine"
 	@echo "make campaign  the fault campaign: N flights, from SEED on"
@@ -88,6 +89,11 @@ STALLED := loop overrun|lift-off|line late|IMU late|IMU silent|wrong speed|pose 
 python-test: install
 	python -m pytest -m "not real_time" -n 2 --dist loadfile
 	python -m pytest -m real_time --reruns 2 --only-rerun '$(STALLED)' -rR
+
+# The pages of tilthex view in a headless Chromium; TILTHEX_WRITE_DOCS=1 takes the picture of docs/howto/view.md.
+.PHONY: browser-test
+browser-test: install
+	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py -rs
 
 bench: install
 	$(BIN)/pip install --quiet --disable-pip-version-check '.[bench]'
