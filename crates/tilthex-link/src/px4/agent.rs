@@ -1,11 +1,13 @@
 //! The agent's end of a session: it answers the client's requests, knows its topics, and finds their data.
 
 use super::{
+    entity::{Entity, TopicName},
     frame::{self, AGENT, CLIENT},
     message::{
-        BEST_EFFORT, CLIENT_OBJECT, Draft, Entity, FromAgent, FromClient, Header, Message, NO_STREAM,
-        ObjectId, RELIABLE, Request, Time, TopicName, WITHOUT_KEY,
+        BEST_EFFORT, CLIENT_OBJECT, Draft, Header, Message, NO_STREAM, ObjectId, RELIABLE, Request, Time,
+        WITHOUT_KEY,
     },
+    submessages::{FromAgent, FromClient},
     topics::{Topic, TopicMessage},
 };
 use crate::{Outgoing, bump};

@@ -9,22 +9,26 @@ mod agent;
 pub mod board;
 mod cdr;
 mod complaint;
+mod entity;
 mod frame;
 mod host;
 mod inertial;
 mod message;
 mod motors;
 mod rates;
+mod submessages;
 mod throttle;
 mod topics;
 
 pub use complaint::Complaint;
+pub use entity::{Entity, TopicName};
 pub use frame::{AGENT, CLIENT, Decoder, FrameCounters, MAX_MESSAGE, encode};
 pub use host::Host;
 pub use message::{
-    AGENT_OBJECT, BEST_EFFORT, CLIENT_OBJECT, Draft, Entity, FromAgent, FromClient, Header, Message,
-    NO_STREAM, ObjectId, RELIABLE, Request, Time, TopicName, WITHOUT_KEY,
+    AGENT_OBJECT, BEST_EFFORT, CLIENT_OBJECT, Draft, Header, Message, NO_STREAM, ObjectId, RELIABLE, Request,
+    Time, WITHOUT_KEY,
 };
+pub use submessages::{FromAgent, FromClient};
 pub use throttle::ThrottleMap;
 pub use topics::{
     ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, MOTORS, OFFBOARD,
