@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
+from tilthex._quaternions import rotations_from_quaternions
 from tilthex.estimate import Calibration, calibrate, pose_errors
-from tilthex.recording import Recording, rotations_from_quaternions
+from tilthex.recording import Recording
 
 from benchmarks.ukf import compare
 

@@ -6,7 +6,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from tilthex import __main__ as command
 from tilthex import convert, log
-from tilthex.recording import rotations_from_quaternions
+from tilthex._quaternions import rotations_from_quaternions
 
 pytestmark = pytest.mark.real_time
 
@@ -44,7 +44,8 @@ def test_a_bag_shows_the_flight_that_the_log_has(tmp_path, path):
         for connection, time, raw in bag.messages():
             found.setdefault(connection.topic, []).append((time, bag.deserialize(raw, connection.msgtype)))
     assert set(found) == {
-        "/imu", "/joint_states", "/odom", "/reference", "/setpoint", "/tf", "/tool_wrench"
+        "/commanded_wrench", "/imu", "/joint_states", "/odom",
+        "/reference", "/setpoint", "/tf", "/tool_wrench",
     }  # fmt: skip
     state = topics["/state"]
     rotations = rotations_from_quaternions(state["orientation"])

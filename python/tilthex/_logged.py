@@ -75,6 +75,14 @@ class State(TypedDict):
     """Rotation of the robot."""
     angular_velocity: Array
     """Angular velocity. [rad/s]"""
+    specific_force: Array
+    """Specific force at the centre of mass. [m/s^2]"""
+    position_deviation: float | None
+    """Deviation of the position: root of the summed variances. [m]"""
+    velocity_deviation: float | None
+    """Deviation of the velocity: root of the summed variances. [m/s]"""
+    rotation_deviation: float | None
+    """Deviation of the rotation: root of the summed variances. [rad]"""
     pose_age: float | None
     """Age of the newest pose whose position was applied. [s]"""
     latency: float | None

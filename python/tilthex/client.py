@@ -177,6 +177,8 @@ class Flight:
         *,
         velocity: ArrayLike = (0.0, 0.0, 0.0),
         angular_velocity: ArrayLike = (0.0, 0.0, 0.0),
+        acceleration: ArrayLike = (0.0, 0.0, 0.0),
+        angular_acceleration: ArrayLike = (0.0, 0.0, 0.0),
         force: ArrayLike = (0.0, 0.0, 0.0),
         torque: ArrayLike = (0.0, 0.0, 0.0),
     ) -> None:
@@ -187,6 +189,8 @@ class Flight:
             rotation=_array(rotation, (3, 3), "rotation"),
             velocity=_array(velocity, (3,), "velocity"),
             angular_velocity=_array(angular_velocity, (3,), "angular_velocity"),
+            acceleration=_array(acceleration, (3,), "acceleration"),
+            angular_acceleration=_array(angular_acceleration, (3,), "angular_acceleration"),
             wrench={"force": _array(force, (3,), "force"), "torque": _array(torque, (3,), "torque")},
         )
 
@@ -243,6 +247,14 @@ class Flight:
         A flying vehicle falls, and `tilthex-rt` ends. Every client may call it.
         """
         self._order("kill")
+
+    def configuration(self) -> str:
+        """The complete configuration as TOML, with the keys that orders have changed.
+
+        `tilthex.Config.from_text` reads it.
+        """
+        text: str = self._order("configuration")["configuration"]
+        return text
 
     def state(self) -> State:
         """The newest state: a dict of numbers, texts and arrays. docs/log.md has a table of its keys.

@@ -14,18 +14,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _foxglove, _rerun
 from tilthex._logged import TOPICS
 from tilthex.log import Columns, Log
 from tilthex.readers.messages import ros_types
-from tilthex.recording import rotations_from_quaternions
+from tilthex.ros2.messages import RosMessages
 
 Array = NDArray[Any]
-FRAMES = {"world": "map", "robot": "base_link"}
-"""Names of the frames in a bag (REP 105)."""
 
 
 def add_parser(subparsers: Any) -> None:
@@ -114,105 +111,11 @@ def _rosbag2(log: Log, out: Path) -> None:
             if source not in log.topics:
                 continue
             columns = log.columns(source)
-            connection = bag.add_connection(topic, kind, typestore=store)
+            connection = bag.add_connection("/" + topic.lstrip("/"), kind, typestore=store)
             for row, stamp in enumerate(columns["log_time"]):
                 time = round(float(stamp) * 1e9)
                 message = make(time, {name: values[row] for name, values in columns.items()})
                 bag.write(connection, time, store.serialize_cdr(message, kind))
-
-
-class RosMessages:
-    """Makes messages of ROS 2 from the rows of a log."""
-
-    def __init__(self, types: Any) -> None:
-        self._types = types
-
-    def topics(self) -> Iterator[tuple[str, str, str, Callable[[int, dict[str, Any]], Any]]]:
-        """Topic and message type of the bag, topic of the log, and the function that makes the message."""
-        yield "/odom", "nav_msgs/msg/Odometry", "/state", self.odometry
-        yield "/imu", "sensor_msgs/msg/Imu", "/state", self.imu
-        yield "/tf", "tf2_msgs/msg/TFMessage", "/state", self.transform
-        yield "/setpoint", "geometry_msgs/msg/PoseStamped", "/setpoint", self.pose
-        yield "/reference", "geometry_msgs/msg/PoseStamped", "/reference", self.pose
-        yield "/tool_wrench", "geometry_msgs/msg/WrenchStamped", "/wrench", self.tool_wrench
-        yield "/joint_states", "sensor_msgs/msg/JointState", "/rotors", self.joint_state
-
-    def odometry(self, time: int, row: dict[str, Any]) -> Any:
-        """Pose of the robot in the world; its twist in robot axes, as the message has it."""
-        pose = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(row), np.zeros(36))
-        rotation = rotations_from_quaternions(row["orientation"][None])[0]
-        twist = self._make(
-            "geometry_msgs/msg/Twist",
-            self._vector(rotation.T @ row["velocity_w"]),
-            self._vector(row["angular_velocity_r"]),
-        )
-        twist = self._make("geometry_msgs/msg/TwistWithCovariance", twist, np.zeros(36))
-        header = self._header(time, "world")
-        return self._make("nav_msgs/msg/Odometry", header, FRAMES["robot"], pose, twist)
-
-    def imu(self, time: int, row: dict[str, Any]) -> Any:
-        """Angular velocity and specific force at the centre of mass, robot axes, without their biases."""
-        unknown = np.zeros(9)
-        return self._make(
-            "sensor_msgs/msg/Imu",
-            self._header(time, "robot"),
-            self._quaternion(row["orientation"]),
-            unknown,
-            self._vector(row["angular_velocity_r"]),
-            unknown,
-            self._vector(row["specific_force_r"]),
-            unknown,
-        )
-
-    def transform(self, time: int, row: dict[str, Any]) -> Any:
-        """The transform from world to robot."""
-        motion = self._make(
-            "geometry_msgs/msg/Transform",
-            self._vector(row["position_w"]),
-            self._quaternion(row["orientation"]),
-        )
-        header = self._header(time, "world")
-        stamped = self._make("geometry_msgs/msg/TransformStamped", header, FRAMES["robot"], motion)
-        return self._make("tf2_msgs/msg/TFMessage", [stamped])
-
-    def pose(self, time: int, row: dict[str, Any]) -> Any:
-        """Pose of the tool in the world."""
-        return self._make("geometry_msgs/msg/PoseStamped", self._header(time, "world"), self._pose(row))
-
-    def tool_wrench(self, time: int, row: dict[str, Any]) -> Any:
-        """Observed wrench on the tool about its tip, world axes."""
-        wrench = self._make(
-            "geometry_msgs/msg/Wrench",
-            self._vector(row["tool_w.force"]),
-            self._vector(row["tool_w.torque"]),
-        )
-        return self._make("geometry_msgs/msg/WrenchStamped", self._header(time, "world"), wrench)
-
-    def joint_state(self, time: int, row: dict[str, Any]) -> Any:
-        """Measured speeds of the rotors, rad/s."""
-        speeds = 2.0 * np.pi * np.atleast_1d(row["measured"])
-        names = [f"rotor_{i}" for i in range(len(speeds))]
-        none = np.zeros(0)
-        return self._make(
-            "sensor_msgs/msg/JointState", self._header(time, "robot"), names, none, speeds, none
-        )
-
-    def _make(self, kind: str, *fields: Any) -> Any:
-        return self._types[kind](*fields)
-
-    def _header(self, time: int, frame: str) -> Any:
-        stamp = self._make("builtin_interfaces/msg/Time", *divmod(time, 1_000_000_000))
-        return self._make("std_msgs/msg/Header", stamp, FRAMES[frame])
-
-    def _vector(self, values: Array) -> Any:
-        return self._make("geometry_msgs/msg/Vector3", *map(float, values))
-
-    def _quaternion(self, values: Array) -> Any:
-        return self._make("geometry_msgs/msg/Quaternion", *map(float, values))
-
-    def _pose(self, row: dict[str, Any]) -> Any:
-        position = self._make("geometry_msgs/msg/Point", *map(float, row["position_w"]))
-        return self._make("geometry_msgs/msg/Pose", position, self._quaternion(row["orientation"]))
 
 
 WRITERS: dict[str, Callable[[Log, Path], None]] = {

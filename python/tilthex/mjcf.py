@@ -15,8 +15,8 @@ from xml.etree import ElementTree as ET
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import so3
 from tilthex._core import GRAVITY, Vehicle
+from tilthex._quaternions import quaternion_from_rotation
 
 Vector = NDArray[np.float64]
 
@@ -56,10 +56,8 @@ def numbers(values: Iterable[float]) -> str:
 
 def quaternion(rotation: Vector) -> str:
     """A rotation matrix as MJCF's quaternion, w first."""
-    turn = so3.log(rotation)
-    half = 0.5 * float(np.linalg.norm(turn))
-    # sin(t/2)/t, without a division by zero at t = 0.
-    return numbers((np.cos(half), *(0.5 * np.sinc(half / np.pi) * turn)))
+    x, y, z, w = quaternion_from_rotation(rotation)
+    return numbers((w, x, y, z))
 
 
 def contact_geom(parent: ET.Element, friction: float, **attributes: str) -> ET.Element:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core, readers
+from tilthex._quaternions import rotations_from_quaternions
 from tilthex.log import Log, NotALog
 from tilthex.readers.columns import QUANTITIES, Stream
 
@@ -86,18 +87,6 @@ class Recording:
             self.pose_arrival_time,
             covariance=covariance,
         )
-
-
-def rotations_from_quaternions(xyzw: Array) -> Array:
-    """Rotation matrices (m, 3, 3) of quaternions (m, 4) in the order x, y, z, w; NaN stays NaN."""
-    with np.errstate(invalid="ignore"):
-        x, y, z, w = (xyzw / np.linalg.norm(xyzw, axis=1, keepdims=True)).T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def _read_log(path: Path, config: _core.Config) -> Recording:

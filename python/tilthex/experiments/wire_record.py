@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import log
+from tilthex._quaternions import rotations_from_quaternions
 from tilthex.experiments.record import COLUMNS, Record
 from tilthex.experiments.spec import Run
 from tilthex.experiments.wire import Files, Route
-from tilthex.recording import rotations_from_quaternions
 
 Vector = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ mod schema;
 mod tests;
 mod text;
 
-use std::path::Path;
+use std::{path::Path, sync::Arc};
 
 use serde::de::DeserializeOwned;
 use tilthex_core::{
@@ -30,6 +30,7 @@ use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
 /// vehicle can do. It remembers the section `[admittance]`, of which an order may change a part.
 #[derive(Clone, Debug)]
 pub struct Orders {
+    config: Arc<Config>,
     limits: Limits,
     admittance: AdmittanceSection,
     bounds: Bounds,
@@ -41,11 +42,18 @@ impl Orders {
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
+            config: Arc::new(config.clone()),
             limits: config.mission().limits(),
             admittance: config.admittance().clone(),
             bounds: Bounds::of(config),
             geofence: Geofence::of(config),
         }
+    }
+
+    /// The complete configuration as TOML, with `[admittance]` as the orders have changed it.
+    #[must_use]
+    pub fn configuration(&self) -> String {
+        Config { admittance: self.admittance.clone(), ..(*self.config).clone() }.to_toml()
     }
 
     /// The order a line of JSON stands for: an object with `command` and what the command takes.
@@ -96,7 +104,7 @@ impl Orders {
             }
             "set_admittance" => self.set_admittance(take(rest)?),
             _ => Err("no such command; expected take_off, play, follow, set_admittance, set_wrench, \
-                      release_wrench, zero_bias, land, kill, take_controls, heartbeat, state or stream"
+                      release_wrench, zero_bias, land, kill, take_controls, heartbeat, configuration, state or stream"
                 .into()),
         }
     }

@@ -67,7 +67,7 @@ fn schema() -> Value {
     commands.extend(strict.map(|name| command(name, takes::<Nothing>(g))));
     commands.extend(["authenticate"].map(|name| command(name, token.clone())));
     commands.extend(["stream"].map(|name| command(name, stream.clone())));
-    let any = ["land", "kill", "take_controls", "heartbeat", "state"];
+    let any = ["land", "kill", "take_controls", "heartbeat", "configuration", "state"];
     commands.extend(any.map(|name| command(name, json!({"type": "object"}))));
     json!({
         "$schema": "https://json-schema.org/draft/2020-12/schema",

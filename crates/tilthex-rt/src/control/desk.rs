@@ -114,6 +114,12 @@ impl Desk {
         counter.ring.push(command).map_err(|_| "the loop takes no orders".into())
     }
 
+    /// The configuration of the flight as TOML, with the changes that were ordered.
+    pub(super) fn configuration(&self) -> String {
+        let orders = self.counter().orders.clone();
+        orders.configuration()
+    }
+
     /// Gives the controls to a client, whoever holds them.
     pub(super) fn take_controls(&self, client: &Client, now: Nanos) {
         self.counter().holder = Some((client.id, client.name.clone()));

@@ -110,6 +110,11 @@ impl Session {
                 self.shared.desk.take_controls(&self.client, now);
                 Ok(())
             }
+            "configuration" => {
+                return Reply::of(
+                    json!({"id": id, "ok": true, "configuration": self.shared.desk.configuration()}),
+                );
+            }
             "state" => return Reply::of(json!({"id": id, "ok": true, "state": self.state()})),
             "stream" => self.set_stream(&request, now),
             _ => self.shared.desk.order(&self.client, &name, Value::Object(request).to_string(), now),

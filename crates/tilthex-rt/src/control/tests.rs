@@ -203,6 +203,25 @@ fn what_would_be_ignored_is_refused() {
 }
 
 #[test]
+fn everybody_reads_the_configuration_with_its_changes() {
+    let mut office = Office::new(None);
+    let (mut operator, mut reader) = (office.client(), office.client());
+    let read = |reader: &mut Session| {
+        let line = say(reader, r#"{"command": "configuration"}"#).line.expect("an answer");
+        let text = line["configuration"].as_str().expect("a text").to_owned();
+        Config::from_text(&text, std::path::Path::new("")).expect("a configuration")
+    };
+    assert_eq!(read(&mut reader), Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset")));
+    let order = r#"{"command": "set_admittance", "stiffness": [6, 6, 6, 10, 10, 5]}"#;
+    assert!(ok(&say(&mut operator, order)));
+    let stiffness = read(&mut reader).controller().admittance.stiffness;
+    assert_eq!(stiffness.diagonal().as_slice(), [6.0, 6.0, 6.0, 10.0, 10.0, 5.0]);
+    // A refused order changes nothing.
+    assert!(!ok(&say(&mut operator, r#"{"command": "set_admittance", "stiffness": [-1, 6, 6, 10, 10, 5]}"#)));
+    assert_eq!(read(&mut reader).controller().admittance.stiffness, stiffness);
+}
+
+#[test]
 fn who_says_nothing_is_not_waited_for() {
     let mut office = Office::new(None);
     let mut client = office.client();

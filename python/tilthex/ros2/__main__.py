@@ -1,0 +1,158 @@
+"""`python -m tilthex.ros2`: a flight on ROS 2 (docs/howto/ros2.md)."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from tilthex.client import DEFAULT_PORT, HEARTBEAT, Flight, OrderRefused, connect
+from tilthex.ros2.poses import PoseSender
+from tilthex.ros2.pulse import Pulse
+
+USAGE, LINK, INTERRUPTED = 2, 3, 130
+"""Exit status: wrong usage or configuration; the connection broke; interrupted. As of the Rust programs."""
+ANSWER = 2.0
+"""Longest wait for an answer of the flight, s."""
+AGAIN = 0.2
+"""Between two looks for the flight, s."""
+
+
+def main() -> int:
+    """Bridges until the flight ends, or the bridge is told to."""
+    try:
+        import rclpy
+        from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+        from rclpy.utilities import remove_ros_args
+    except ModuleNotFoundError as error:
+        return _failed(
+            f"ROS 2 is not here ({error}); source its setup.bash, or install its wheels:"
+            " docs/howto/ros2.md names them",
+            USAGE,
+        )
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    pulse = Pulse()
+    try:
+        connection = _connection(arguments.control, arguments.control_token_file, pulse)
+        sender = PoseSender(arguments.pose_to, arguments.pose_body) if arguments.pose_topic else None
+    except (ValueError, OSError) as error:
+        return _failed(str(error), USAGE)
+    rclpy.init()
+    node = rclpy.create_node("tilthex")
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    node.create_timer(HEARTBEAT, pulse.beat)
+    try:
+        if sender is not None:
+            _forward_poses(node, arguments.pose_topic, sender)
+        return _run(node, executor, connection, arguments.rate)
+    except (OrderRefused, ValueError) as error:
+        return _failed(str(error), USAGE)
+    except OSError as error:
+        return _failed(f"the connection to the flight broke: {error}", LINK)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return INTERRUPTED
+    finally:
+        rclpy.try_shutdown()
+
+
+def _failed(sentence: str, status: int) -> int:
+    print(f"tilthex.ros2: {sentence}", file=sys.stderr)
+    return status
+
+
+def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float) -> int:
+    from tilthex.ros2.bridge import Bridge
+
+    pilot = _wait(node, executor, connection)
+    if pilot is None:
+        return INTERRUPTED
+    with pilot, connection() as watcher:
+        bridge = Bridge(node, pilot, watcher, rate)
+        node.get_logger().info("bridges the flight")
+        executor.spin_until_future_complete(bridge.ended)
+        if not bridge.ended.done():
+            return INTERRUPTED
+        bridge.ended.result()
+    done = ", ".join(f"{count} {what}" for what, count in bridge.counts().items())
+    node.get_logger().info(f"the flight has ended: {done}")
+    return 0
+
+
+def _wait(node: Any, executor: Any, connection: Callable[[], Flight]) -> Flight | None:
+    """The flight, when it is there. Poses are forwarded meanwhile: tilthex-rt does not start without them."""
+    told = False
+    while node.context.ok():
+        try:
+            return connection()
+        except ConnectionError as error:
+            if not told:
+                node.get_logger().info(f"{error}; waiting for it")
+                told = True
+        deadline = node.get_clock().now().nanoseconds + AGAIN * 1e9
+        while node.context.ok() and node.get_clock().now().nanoseconds < deadline:
+            executor.spin_once(timeout_sec=AGAIN)
+    return None
+
+
+def _forward_poses(node: Any, topic: str, sender: PoseSender) -> None:
+    from rclpy.qos import qos_profile_sensor_data
+
+    from tilthex.ros2.types import message
+
+    def forward(received: Any) -> None:
+        try:
+            sender.send(received, node.get_clock().now().nanoseconds)
+        except ValueError as error:
+            node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
+
+    node.create_subscription(
+        message("geometry_msgs/msg/PoseStamped"), topic, forward, qos_profile_sensor_data
+    )
+
+
+def _connection(address: str, token_file: Path | None, present: Callable[[], bool]) -> Callable[[], Flight]:
+    """What connects to HOST:PORT or unix:PATH."""
+    token = token_file.read_text().strip() if token_file else None
+    if address.startswith("unix:"):
+        path = address.removeprefix("unix:")
+        return lambda: connect(timeout=ANSWER, path=path, token=token, present=present)
+    host, _, port = address.rpartition(":")
+    if not port.isdecimal():
+        raise ValueError(f"--control is {address}; expected HOST:PORT or unix:PATH")
+    return lambda: connect(host.strip("[]"), int(port), ANSWER, token=token, present=present)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m tilthex.ros2", description=__doc__)
+    parser.add_argument(
+        "--control",
+        default=f"127.0.0.1:{DEFAULT_PORT}",
+        metavar="ADDRESS",
+        help="where tilthex-rt --control takes orders: HOST:PORT or unix:PATH; default: %(default)s",
+    )
+    parser.add_argument(
+        "--control-token-file", type=Path, metavar="FILE", help="its token, where it asks for one"
+    )
+    parser.add_argument(
+        "--rate", type=float, default=100.0, help="states a second, 0.1 to 100 Hz; default: %(default)s"
+    )
+    parser.add_argument(
+        "--pose-topic", metavar="TOPIC", help="PoseStamped topic to send as poses of motion capture"
+    )
+    parser.add_argument(
+        "--pose-to",
+        default="127.0.0.1",
+        metavar="HOST[:PORT]",
+        help="the computer of tilthex-rt --mocap udp://...; default: %(default)s",
+    )
+    parser.add_argument(
+        "--pose-body", default="hex", metavar="NAME", help="the body in that URI; default: %(default)s"
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,146 @@
+"""The node between a running flight and ROS 2."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from rclpy.task import Future
+
+from tilthex._core import Config
+from tilthex.client import Flight, OrderRefused
+from tilthex.ros2 import parameters
+from tilthex.ros2.inputs import Inputs
+from tilthex.ros2.outputs import Outputs
+from tilthex.ros2.parameters import Parameter
+
+REFRESH = 1.0
+"""Between two looks at the configuration, s: other clients change it too."""
+
+
+class Bridge:
+    """A flight as the node's topics, services and parameters.
+
+    Args:
+        node: The node; its executor obeys what it receives.
+        pilot: A connection for orders.
+        watcher: Another, for states.
+        rate: States a second, 0.1 to 100 Hz.
+    """
+
+    def __init__(self, node: Any, pilot: Flight, watcher: Flight, rate: float) -> None:
+        self.ended: Any = Future()
+        """Done when the flight has ended; an exception where its connection broke."""
+        self._node, self._pilot, self._watcher, self._rate = node, pilot, watcher, rate
+        self._states = 0
+        text = pilot.configuration()
+        self._text = text
+        self._parameters = parameters.parameters(text)
+        self._declare()
+        self._outputs = Outputs(node, Config.from_text(text).vehicle)
+        self._inputs = Inputs(node, pilot, self._broken)
+        node.create_timer(REFRESH, self._look)
+        threading.Thread(target=self._watch, name="tilthex-states", daemon=True).start()
+
+    def counts(self) -> dict[str, int]:
+        """What the bridge has done, for the diagnostics."""
+        return {
+            "states published": self._states,
+            "set-points taken": self._inputs.setpoints,
+            "messages refused": self._inputs.refused,
+        }
+
+    def _watch(self) -> None:
+        """Publishes states until the flight ends."""
+        try:
+            for state in self._watcher.states(self._rate):
+                self._states += 1
+                self._outputs.publish(state, self.counts())
+            self._outputs.finish()
+            self.ended.set_result(None)
+        except OSError as error:
+            self._broken(error)
+
+    def _broken(self, error: OSError) -> None:
+        if not self.ended.done():
+            self.ended.set_exception(error)
+
+    def _look(self) -> None:
+        try:
+            self._refresh()
+        except ConnectionError:
+            # Where the flight has ended, its states say so.
+            return
+        except OSError as error:
+            self._broken(error)
+
+    def _declare(self) -> None:
+        """Every key as a parameter.
+
+        Raises:
+            ValueError: The node was started with another value of a key that the flight does not change.
+        """
+        from rcl_interfaces.msg import ParameterDescriptor
+
+        wanted = {}
+        for name, key in self._parameters.items():
+            # A number may be given as an integer: the flight checks values.
+            described = ParameterDescriptor(
+                description=key.meaning, read_only=not key.live, dynamic_typing=key.live
+            )
+            value = self._node.declare_parameter(name, key.value, described).value
+            if parameters.same(value, key.value):
+                continue
+            if not key.live:
+                raise ValueError(
+                    f"the parameter {name} is {value}, but {key.value} in the flight's configuration, and no"
+                    " order changes it; start tilthex-rt with a configuration that has it"
+                )
+            wanted[name] = value
+        if wanted:
+            self._pilot.set_admittance(**parameters.admittance(wanted))
+            self._take(wanted)
+        self._node.add_on_set_parameters_callback(self._set)
+
+    def _set(self, changed: list[Any]) -> Any:
+        """Orders changed keys, all in one order."""
+        from rcl_interfaces.msg import SetParametersResult
+
+        wanted = {
+            parameter.name: parameter.value
+            for parameter in changed
+            if (key := self._parameters.get(parameter.name))
+            and not parameters.same(parameter.value, key.value)
+        }
+        try:
+            if wanted:
+                self._pilot.set_admittance(**parameters.admittance(wanted))
+        except (OrderRefused, ValueError, TypeError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        except OSError as error:
+            self._broken(error)
+            return SetParametersResult(successful=False, reason=f"the flight has ended ({error})")
+        self._take(wanted)
+        return SetParametersResult(successful=True)
+
+    def _take(self, values: dict[str, Any]) -> None:
+        for name, value in values.items():
+            old = self._parameters[name]
+            self._parameters[name] = Parameter(name, value, old.meaning, old.live)
+
+    def _refresh(self) -> None:
+        """Takes what others have changed."""
+        from rclpy.parameter import Parameter as RosParameter
+
+        text = self._pilot.configuration()
+        if text == self._text:
+            return
+        self._text = text
+        found = parameters.parameters(text)
+        changed = [
+            RosParameter(name, value=key.value)
+            for name, key in found.items()
+            if key.live and not parameters.same(key.value, self._parameters[name].value)
+        ]
+        self._parameters = found
+        self._node.set_parameters(changed)

@@ -1,0 +1,32 @@
+"""The flight's times on the clock of ROS."""
+
+from __future__ import annotations
+
+DRIFT = 1e-4
+"""Fastest that the two clocks part, s/s; far more than the crystals of computers do."""
+JUMP = 1_000_000_000
+"""A clock that is set by this much, ns, has jumped; messages are not this late."""
+
+
+class FlightClock:
+    """Converts times of the flight: its monotonic clock, on this computer or another, in s.
+
+    A state arrives late, never early. So the smallest difference between arrival and time is nearest to that
+    of the clocks; the error is the shortest way of a message. Stamps increase, unless ROS's clock is set.
+    """
+
+    def __init__(self) -> None:
+        self._offset: int | None = None
+        self._time = 0.0
+        self._last = 0
+
+    def stamp(self, time: float, now: int) -> int:
+        """The time of a state on the clock of ROS, ns; `now`: when it arrived, on that clock, ns."""
+        seen = now - round(time * 1e9)
+        if self._offset is None or abs(seen - self._offset) >= JUMP:
+            self._offset, self._last = seen, 0
+        else:
+            self._offset = min(seen, self._offset + round(max(0.0, time - self._time) * DRIFT * 1e9))
+        self._time = time
+        self._last = max(round(time * 1e9) + self._offset, self._last + 1)
+        return self._last

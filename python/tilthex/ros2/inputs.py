@@ -1,0 +1,87 @@
+"""What the bridge takes: topics and services that are orders to the flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tilthex.client import Flight, OrderRefused
+from tilthex.ros2 import orders
+from tilthex.ros2.types import message
+
+DEPTH = 100
+"""Messages that wait while an order is given: one second's of set-points."""
+SERVICES = ("take_off", "land", "kill", "zero_bias", "release_wrench", "take_controls")
+"""Orders without arguments: each is a service of this name."""
+
+
+class Inputs:
+    """The subscriptions and services of a node.
+
+    Args:
+        node: The node.
+        pilot: The connection that gives the orders.
+        broken: Called with the error of a connection that has ended.
+    """
+
+    def __init__(self, node: Any, pilot: Flight, broken: Callable[[OSError], None]) -> None:
+        self._node, self._pilot, self._broken = node, pilot, broken
+        self.setpoints = 0
+        self.refused = 0
+        for topic, kind, order in (
+            ("command/pose", "geometry_msgs/msg/PoseStamped", self._go_to),
+            ("command/trajectory", "trajectory_msgs/msg/MultiDOFJointTrajectory", self._fly),
+            ("command/wrench", "geometry_msgs/msg/WrenchStamped", self._push),
+        ):
+            node.create_subscription(message(kind), topic, self._taking(topic, order), DEPTH)
+        for name in SERVICES:
+            node.create_service(message("std_srvs/srv/Trigger"), name, self._serving(getattr(pilot, name)))
+
+    def _taking(self, topic: str, order: Callable[[Any], None]) -> Callable[[Any], None]:
+        def take(received: Any) -> None:
+            if reason := self._reason(lambda: order(received)):
+                self.refused += 1
+                # One line a second of a stream.
+                self._node.get_logger().warning(f"{topic}: {reason}", throttle_duration_sec=1.0)
+
+        return take
+
+    def _serving(self, order: Callable[[], None]) -> Callable[[Any, Any], Any]:
+        def serve(_: Any, response: Any) -> Any:
+            reason = self._reason(order)
+            response.success, response.message = reason is None, reason or ""
+            return response
+
+        return serve
+
+    def _reason(self, order: Callable[[], None]) -> str | None:
+        """Gives an order; why it is not obeyed, if it is not."""
+        try:
+            order()
+        except (OrderRefused, ValueError) as error:
+            return str(error)
+        except OSError as error:
+            self._broken(error)
+            return f"the connection to the flight has ended ({error})"
+        return None
+
+    def _go_to(self, received: Any) -> None:
+        position, rotation = orders.pose(received)
+        self._pilot.go_to(position, rotation)
+
+    def _fly(self, trajectory: Any) -> None:
+        if orders.is_stream(trajectory):
+            self._pilot.follow(**orders.setpoint(trajectory))
+            self.setpoints += 1
+            return
+        ways = orders.waypoints(trajectory)
+        self._pilot.play(ways)
+        if orders.unused(trajectory):
+            self._node.get_logger().warning(
+                "command/trajectory: velocities and accelerations of its points are not used; the flight"
+                " plans them. Stream single points without a time to give them"
+            )
+
+    def _push(self, received: Any) -> None:
+        force, torque = orders.wrench(received)
+        self._pilot.set_wrench(force, torque)

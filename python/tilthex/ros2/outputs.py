@@ -1,0 +1,91 @@
+"""What the bridge publishes of each state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from rclpy.duration import Duration
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from tilthex._core import Vehicle
+from tilthex._logged import State
+from tilthex.ros2 import diagnostics
+from tilthex.ros2.clock import FlightClock
+from tilthex.ros2.messages import RosMessages, Row, rows
+from tilthex.ros2.types import RosTypes, message
+
+DEPTH = 100
+"""Messages that wait for a slow subscriber: one second's."""
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+LAST = Duration(seconds=0.2)
+"""Longest wait at the end for a subscriber that has not everything yet."""
+DIAGNOSTICS_PERIOD = 1_000_000_000
+"""Between two diagnostics where nothing changes, ns."""
+
+
+class Outputs:
+    """The publishers of a node for one vehicle."""
+
+    def __init__(self, node: Any, vehicle: Vehicle) -> None:
+        self._node = node
+        self._clock = FlightClock()
+        self._types = RosTypes()
+        self._diagnosed: tuple[int, str] | None = None
+        self._diagnosed_at = 0
+        messages = RosMessages(self._types)
+        transforms = self._has_transforms()
+        self._topics: list[tuple[Any, str, Callable[[int, Row], Any]]] = [
+            (node.create_publisher(message(kind), topic, DEPTH), source, make)
+            for topic, kind, source, make in messages.topics()
+            if kind != TRANSFORMS or transforms
+        ]
+        self._diagnostics = node.create_publisher(
+            message("diagnostic_msgs/msg/DiagnosticArray"), "/diagnostics", DEPTH
+        )
+        if transforms:
+            kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self._fixed = node.create_publisher(message(TRANSFORMS), "/tf_static", kept)
+            self._fixed.publish(messages.tool(self._now(), vehicle))
+
+    def publish(self, state: State, counts: Mapping[str, int]) -> None:
+        """Publishes a state that has just come; `counts`: what the bridge counts."""
+        now = self._now()
+        stamp = self._clock.stamp(state["time"] or 0.0, now)
+        found = rows(state)
+        for publisher, source, make in self._topics:
+            publisher.publish(make(stamp, found[source]))
+        self._diagnose(state, stamp, now, counts)
+
+    def finish(self) -> None:
+        """Waits until every subscriber that answers has everything."""
+        for publisher, *_ in self._topics:
+            publisher.wait_for_all_acked(LAST)
+
+    def _diagnose(self, state: State, stamp: int, now: int, counts: Mapping[str, int]) -> None:
+        said = (diagnostics.level(state), diagnostics.message(state))
+        if said == self._diagnosed and 0 <= now - self._diagnosed_at < DIAGNOSTICS_PERIOD:
+            return
+        self._diagnosed, self._diagnosed_at = said, now
+        make = self._make
+        time = make("builtin_interfaces/msg/Time", *divmod(stamp, 1_000_000_000))
+        header = make("std_msgs/msg/Header", time, "")
+        listed = [diagnostics.status(make, state, counts)]
+        self._diagnostics.publish(make("diagnostic_msgs/msg/DiagnosticArray", header, listed))
+
+    def _make(self, kind: str, *fields: Any) -> Any:
+        return self._types[kind](*fields)
+
+    def _now(self) -> int:
+        now: int = self._node.get_clock().now().nanoseconds
+        return now
+
+    def _has_transforms(self) -> bool:
+        try:
+            message(TRANSFORMS)
+        except ModuleNotFoundError:
+            self._node.get_logger().warning(
+                "tf2_msgs is not installed: /tf and /tf_static are not published; install it with your ROS"
+            )
+            return False
+        return True
