@@ -61,9 +61,20 @@ class Peer:
         while not self._ended:
             self._executor.spin_once(timeout_sec=0.05)
 
-    def hear(self, topic, kind):
+    def hear(self, topic, kind, depth=1000):
         self.heard[topic] = []
-        self.node.create_subscription(kind, topic, self.heard[topic].append, 1000)
+        self.node.create_subscription(kind, topic, self.heard[topic].append, depth)
+
+    def hear_transforms(self):
+        """Where ROS has their message; its wheels of PyPI have not."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile
+
+        with contextlib.suppress(ModuleNotFoundError):
+            from tf2_msgs.msg import TFMessage
+
+            self.hear("/tf", TFMessage)
+            kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+            self.hear("/tf_static", TFMessage, kept)
 
     def call(self, kind, name, request):
         client = self.node.create_client(kind, name)
@@ -141,6 +152,7 @@ def test_a_flight_is_flown_from_ros(ros, tmp_path):
             "/diagnostics": DiagnosticArray,
         }.items():
             peer.hear(topic, kind)
+        peer.hear_transforms()
         publishers = {
             kind: peer.node.create_publisher(kind, f"command/{name}", 1000)
             for name, kind in {
@@ -244,6 +256,8 @@ def test_a_flight_is_flown_from_ros(ros, tmp_path):
         until(lambda: len({stamp(heard[topic][-1]) for topic in EVERY_STATE}) == 1)
     published = int(re.search(r"the flight has ended: (\d+) states published", said)[1])
     check_nothing_is_lost(heard, published)
+    if "/tf" in heard:
+        check_transforms(heard)
     check_axes(heard, log.read(path, ["/state", "/rotors", "/wrench"]))
 
 
@@ -258,6 +272,19 @@ def check_nothing_is_lost(heard, published):
         assert [stamp(message) for message in heard[topic] if stamp(message) > stamp(begin)] == [
             at for at in stamps if at > stamp(begin)
         ]
+
+
+def check_transforms(heard):
+    """Where /odom has the robot, /tf has it too; the tool is where the vehicle has it."""
+    places = {stamp(message): xyz(message.pose.pose.position) for message in heard["odom"]}
+    found = [message.transforms[0] for message in heard["/tf"]]
+    assert {(one.header.frame_id, one.child_frame_id) for one in found} == {("map", "base_link")}
+    both = [one for one in found if stamp(one) in places]
+    assert len(both) > 500
+    assert all(xyz(one.transform.translation) == places[stamp(one)] for one in both)
+    (tool,) = (message.transforms[0] for message in heard["/tf_static"])
+    assert (tool.header.frame_id, tool.child_frame_id) == ("base_link", "tool")
+    assert xyz(tool.transform.translation) == tilthex.Vehicle.preset("tilt-hex").tool_position.tolist()
 
 
 def check_axes(heard, topics):

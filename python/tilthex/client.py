@@ -322,7 +322,8 @@ class Flight:
             line = self._lines.readline()
         except ConnectionResetError:
             return None
-        message: dict[str, Any] | None = json.loads(line) if line else None
+        # A flight that ends may break off in the middle of a line.
+        message: dict[str, Any] | None = json.loads(line) if line.endswith("\n") else None
         return message
 
 

@@ -57,11 +57,13 @@ class Bridge:
                 self._states += 1
                 self._outputs.publish(state, self.counts())
             self._outputs.finish()
-            self.ended.set_result(None)
-        except OSError as error:
+            if not self.ended.done():
+                self.ended.set_result(None)
+        # Whatever it is, a bridge without states must not go on as the operator.
+        except Exception as error:
             self._broken(error)
 
-    def _broken(self, error: OSError) -> None:
+    def _broken(self, error: Exception) -> None:
         if not self.ended.done():
             self.ended.set_exception(error)
 
