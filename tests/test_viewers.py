@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from tilthex import __main__ as command
 from tilthex import _foxglove, convert, log
-from tilthex.recording import rotations_from_quaternions
+from tilthex._quaternions import rotations_from_quaternions
 from tilthex.view.geometry import cylinders
 
 AXES = st.sampled_from(np.vstack([np.eye(3), -np.eye(3)]).tolist())

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from tilthex._core import Config
 from tilthex._faults import FAULTS
 from tilthex._logged import State, Target
+from tilthex._quaternions import rotations_from_quaternions
 from tilthex.log import Columns, Log
-from tilthex.recording import rotations_from_quaternions
 
 Array = NDArray[np.float64]
 
