@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from tilthex import __main__ as command
 from tilthex import _foxglove, convert, log
-from tilthex._quaternions import rotations_from_quaternions
+from tilthex._quaternions import quaternion_from_rotation, rotations_from_quaternions
 from tilthex.view.geometry import cylinders
 
 AXES = st.sampled_from(np.vstack([np.eye(3), -np.eye(3)]).tolist())
@@ -27,7 +27,7 @@ def test_a_turn_takes_the_axis_to_the_direction(axis, direction):
     rotation = _foxglove.turn(axis, direction)
     assert np.allclose(rotation @ axis, direction / np.linalg.norm(direction), atol=1e-7)
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
-    again = rotations_from_quaternions(_foxglove.quaternion(rotation)[None])[0]
+    again = rotations_from_quaternions(quaternion_from_rotation(rotation)[None])[0]
     assert np.allclose(again, rotation, atol=1e-7)
 
 

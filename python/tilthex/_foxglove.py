@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from tilthex import so3
 from tilthex._core import Config
+from tilthex._quaternions import quaternion_from_rotation
 from tilthex.log import Log
 from tilthex.view.geometry import Cylinder, cylinders
 from tilthex.view.looks import FORCE, FORCE_LENGTH, TORQUE, TORQUE_LENGTH
@@ -169,17 +170,10 @@ def turn(axis: Any, direction: Array) -> Array:
     return so3.exp(np.arctan2(sine, cosine) * across / sine)
 
 
-def quaternion(rotation: Array) -> Array:
-    """A rotation matrix as a quaternion, scalar last."""
-    vector = so3.log(rotation)
-    half = 0.5 * float(np.linalg.norm(vector))
-    return np.array([*(0.5 * np.sinc(half / np.pi) * vector), np.cos(half)])
-
-
 def _place(pose: Any, position: Array, rotation: Array) -> None:
     pose.position.x, pose.position.y, pose.position.z = map(float, position)
     turned = pose.orientation
-    turned.x, turned.y, turned.z, turned.w = map(float, quaternion(rotation))
+    turned.x, turned.y, turned.z, turned.w = map(float, quaternion_from_rotation(rotation))
 
 
 def _paint(colour: Any, rgb: tuple[int, int, int], opacity: float) -> None:

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from tilthex._foxglove import quaternion, turn
+from tilthex._foxglove import turn
+from tilthex._quaternions import quaternion_from_rotation
 from tilthex.log import Log
 from tilthex.view.geometry import cylinders
 from tilthex.view.looks import FORCE, FORCE_LENGTH, TORQUE, TORQUE_LENGTH
@@ -40,7 +41,9 @@ def write(log: Log, out: Path) -> None:
             lengths=[float(np.linalg.norm(shape.end - shape.begin)) for shape in shapes],
             radii=[shape.radius for shape in shapes],
             centers=[0.5 * (shape.begin + shape.end) for shape in shapes],
-            quaternions=[quaternion(turn([0.0, 0.0, 1.0], shape.end - shape.begin)) for shape in shapes],
+            quaternions=[
+                quaternion_from_rotation(turn([0.0, 0.0, 1.0], shape.end - shape.begin)) for shape in shapes
+            ],
             colors=[(*shape.colour, round(255 * shape.opacity)) for shape in shapes],
             fill_mode="solid",
         ),
@@ -94,7 +97,7 @@ class Columns:
             f"world/{name}",
             transform.columns(
                 translation=[pose.position for pose in poses],
-                quaternion=[quaternion(pose.rotation) for pose in poses],
+                quaternion=[quaternion_from_rotation(pose.rotation) for pose in poses],
             ),
         )
         self._stream.log(f"world/{name}", self._rr.TransformAxes3D(AXIS), static=True)
