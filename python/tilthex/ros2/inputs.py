@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -11,6 +12,8 @@ from tilthex.ros2.types import message
 
 DEPTH = 100
 """Messages that wait while an order is given: one second's of set-points."""
+AGAIN = 1.0
+"""Between two warnings that say the same, s."""
 SERVICES = ("take_off", "land", "kill", "zero_bias", "release_wrench", "take_controls")
 """Orders without arguments: each is a service of this name."""
 
@@ -26,6 +29,7 @@ class Inputs:
 
     def __init__(self, node: Any, pilot: Flight, broken: Callable[[OSError], None]) -> None:
         self._node, self._pilot, self._broken = node, pilot, broken
+        self._said: dict[str, tuple[str, float]] = {}
         self.setpoints = 0
         self.refused = 0
         for topic, kind, order in (
@@ -41,10 +45,17 @@ class Inputs:
         def take(received: Any) -> None:
             if reason := self._reason(lambda: order(received)):
                 self.refused += 1
-                # One line a second of a stream.
-                self._node.get_logger().warning(f"{topic}: {reason}", throttle_duration_sec=1.0)
+                self._warn(topic, reason)
 
         return take
+
+    def _warn(self, topic: str, reason: str) -> None:
+        """Says a refusal; the same one of a stream once a second."""
+        now = time.monotonic()
+        before, at = self._said.get(topic, ("", 0.0))
+        if reason != before or now - at > AGAIN:
+            self._said[topic] = (reason, now)
+            self._node.get_logger().warning(f"{topic}: {reason}")
 
     def _serving(self, order: Callable[[], None]) -> Callable[[Any, Any], Any]:
         def serve(_: Any, response: Any) -> Any:
