@@ -83,12 +83,12 @@ deny:
 proof:
 	cargo build --profile proof --locked --quiet -p tilthex-proof --features proof
 
-# Flights in real time have the processors to themselves. If the machine stands still for 0.1 s, the program finds a fault and
-# lands: a test that fails with one of these faults is flown again, twice at most, and named. No other failure is.
+# At most two flights in real time at once, and nothing else beside them. If the machine stands still for 0.1 s, the program finds a
+# fault and lands: a test that fails with one of these faults is flown again, twice at most, and named. No other failure is.
 STALLED := loop overrun|lift-off|line late|IMU late|IMU silent|wrong speed|pose lost|pose late
 python-test: install
 	python -m pytest -m "not real_time" -n 2 --dist loadfile
-	python -m pytest -m real_time --reruns 2 --only-rerun '$(STALLED)' -rR
+	python -m pytest -m real_time -n 2 --dist loadfile --reruns 2 --only-rerun '$(STALLED)' -rR
 
 # The pages of tilthex view in a headless Chromium; TILTHEX_WRITE_DOCS=1 takes the picture of docs/howto/view.md.
 .PHONY: browser-test

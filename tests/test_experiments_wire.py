@@ -103,7 +103,7 @@ def test_the_real_programs_slide_along_the_slope(tmp_path: Path) -> None:
 
 def test_the_run_is_the_same_with_and_without_the_wire() -> None:
     flown = [one for one in map(spec.load, spec.built_in()) if one.wire]
-    assert [one.kind for one in flown] == ["multi-contact", "sliding"]
+    assert [one.kind for one in flown] == ["multi-contact", "pressing", "sliding"]
     for experiment in flown:
         for run in experiment.runs:
             route, alone = wire.route(run), trajectory_of(run.waypoints, run.limits)
@@ -113,6 +113,7 @@ def test_the_run_is_the_same_with_and_without_the_wire() -> None:
                 assert np.allclose(one.position, other.position, atol=1e-9)
                 assert np.allclose(one.rotation, other.rotation, atol=1e-9)
                 assert np.allclose(one.wrench, other.wrench, atol=1e-9)
+                assert one.force_axes == other.force_axes
 
 
 def test_a_written_world_is_the_run(tmp_path: Path) -> None:
@@ -184,8 +185,8 @@ def test_the_process_ends_with_its_input_and_writes_the_truth(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["shaping", "--wire"], "not shaping"),
-        (["sliding", "--wire", "--state", "exact"], "without --random and --state"),
+        (["shaping", "--wire"], "cannot fly shaping"),
+        (["sliding", "--wire", "--state", "exact"], "leave out --random and --state"),
     ],
 )
 def test_what_the_wire_does_not_fly_is_refused(arguments: list[str], said: str, tmp_path: Path) -> None:
