@@ -45,7 +45,7 @@ measure() {
     simulated=$!
     sleep 1
     # The sleeping thread wakes half a period later, so that the machine disturbs both equally.
-    "$program" --reference --port "unix:$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --no-battery-limits --take-off --duration "$seconds" --log "$out/flight.mcap" \
+    "$program" --reference --port "unix:$out/vehicle" --mocap natnet://127.0.0.1:15110/1 --no-battery-limits --take-off --duration "$seconds" --log "$out/flight.mcap" --overwrite \
         --control 127.0.0.1:0 > "$out/rt" 2> "$out/warnings" &
     flight=$!
     largest=0
