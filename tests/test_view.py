@@ -2,6 +2,7 @@
 
 import functools
 import re
+import socket
 import urllib.error
 import urllib.request
 
@@ -107,8 +108,13 @@ def test_an_address_that_is_none_is_one_sentence(address, says):
         gate.gate(address, None)
 
 
-def test_an_address_of_a_network_has_a_token(tmp_path):
+def test_an_address_of_a_network_has_a_token(tmp_path, monkeypatch):
     assert gate.gate("127.0.0.1:0", None).token is None
+    # A name of this computer that is also a name in a network.
+    both = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (each, 8080)) for each in ("127.0.1.1", "192.0.2.1")]
+    with monkeypatch.context() as patch:
+        patch.setattr(socket, "getaddrinfo", lambda *_, **__: both)
+        assert gate.gate("base:8080", None).token is not None
     tokens = {gate.gate("192.0.2.1:8080", None).token for _ in range(2)}
     assert len(tokens) == 2 and all(len(token) >= gate.SHORTEST for token in tokens)
     (file := tmp_path / "token").write_text("0123456789abcdef\n")

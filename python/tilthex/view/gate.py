@@ -88,16 +88,18 @@ def gate(address: str, token_file: Path | None) -> Gate:
     if not separator or not host or not port.isdecimal() or int(port) > 65535:
         raise ValueError(f"--listen is {address!r}; expected ADDRESS:PORT, such as 127.0.0.1:8080")
     try:
-        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)[0][4][0]
+        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_STREAM)
     except socket.gaierror as error:
         raise ValueError(
             f"--listen names {host!r}, which is not an address of this computer: {error}"
         ) from None
-    numbered = ipaddress.ip_address(found)
-    if numbered.is_unspecified or getattr(numbered, "ipv4_mapped", None) == ipaddress.ip_address("0.0.0.0"):
+    # A name may have several addresses, and the page is served at all of them.
+    numbered = [ipaddress.ip_address(entry[4][0]) for entry in found]
+    every = ipaddress.ip_address("0.0.0.0")
+    if any(each.is_unspecified or getattr(each, "ipv4_mapped", None) == every for each in numbered):
         raise ValueError(f"--listen {host} means every network; expected one address of this computer")
     token = None if token_file is None else _read(token_file)
-    if token is None and not numbered.is_loopback:
+    if token is None and not all(each.is_loopback for each in numbered):
         token = secrets.token_hex(16)
     return Gate(host, int(port), token)
 
