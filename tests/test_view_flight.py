@@ -122,8 +122,11 @@ def test_orders_without_a_browser(served, tmp_path):
         page.hand.release()
         # Nobody looks at the page.
         assert not page.presence()
-        page.pilot.urgent("kill", lambda flight: flight.kill())
+        page.pilot.kill.press()
         until(lambda: "the flight has ended" in told or "the flight is gone" in told)
+        # It must not wait for the next flight.
+        page.pilot.order("take off", lambda flight: flight.take_off())
+        until(lambda: "take off does not reach the flight" in told)
         with pytest.raises(ConnectionError):
             tilthex.connect(port=port).close()
     pushes = log.read(path, ["/truth"])["/truth"]["tool_wrench_w.force"]

@@ -49,13 +49,13 @@ class Controls:
         self.sliders: dict[str, list[viser.GuiSliderHandle[float]]] = {}
         self._gui.add_html(LARGE)
         kill = self._gui.add_button(KILL, color="red", icon=Icon.SKULL, hint=KILLS)
-        kill.on_click(lambda _: self._kill())
+        kill.on_click(lambda _: pilot.kill.press())
         key = self._gui.add_command(KILL, hotkey="K", modifier="shift", icon=Icon.SKULL)
-        key.on_trigger(lambda _: self._kill())
+        key.on_trigger(lambda _: pilot.kill.press())
         self._button("take off", lambda flight: flight.take_off(), Icon.PLAYER_PLAY)
         self._button("hold", _hold, Icon.HAND_STOP)
         land = self._gui.add_button("land", icon=Icon.PLANE_ARRIVAL, color="orange")
-        land.on_click(lambda _: pilot.urgent("land", lambda flight: flight.land()))
+        land.on_click(lambda _: pilot.land.press())
         with self._gui.add_folder("Go to"):
             self._go_to(server)
         with self._gui.add_folder("Stiffness and damping", expand_by_default=False):
@@ -68,9 +68,6 @@ class Controls:
     def _button(self, label: str, order: Any, icon: Any = None) -> None:
         button = self._gui.add_button(label, icon=icon)
         button.on_click(lambda _: self._pilot.order(label, order))
-
-    def _kill(self) -> None:
-        self._pilot.urgent("kill", lambda flight: flight.kill())
 
     def _go_to(self, server: viser.ViserServer) -> None:
         self.gizmo = server.scene.add_transform_controls("/goal", scale=0.25, depth_test=False, visible=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tilthex.view.controls import Controls
 from tilthex.view.hand import Hand
 from tilthex.view.page import Page
-from tilthex.view.pilot import RATE, Connect, Pilot
+from tilthex.view.pilot import Pilot
 from tilthex.view.presence import Presence
 from tilthex.view.sample import tool_pose
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import viser
 
     from tilthex import Config
+    from tilthex.view.brake import Connect
     from tilthex.view.sample import Sample
 
 FRAME = 0.1
@@ -93,6 +94,3 @@ class Live:
 
     def _tell(self, title: str, text: str) -> None:
         self.page.tell(title, text)
-
-
-__all__ = ["RATE", "Live"]

@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
 from collections.abc import Callable
 
 from tilthex.client import Flight, OrderRefused
+from tilthex.view.brake import Brake, Connect, Order
 from tilthex.view.sample import Sample, from_state
 
 RATE = 20.0
 """States per second."""
 AGAIN = 1.0
 """Time between two attempts to connect, s."""
-Order = Callable[[Flight], object]
-Connect = Callable[[Callable[[], bool] | None], Flight]
-"""Makes a connection. Its argument says whether the operator is present; None: always."""
 
 
 class Pilot:
-    """Two connections: one for states and orders, which holds the controls, and one for `land` and `kill`.
+    """Three connections: one for states and orders, which holds the controls, one to land, one to kill.
 
     Attributes:
         newest: The newest sample, None before the first.
         arrived: Its time of arrival on `time.monotonic`.
+        land, kill: Give these orders.
     """
 
     def __init__(
@@ -41,13 +39,12 @@ class Pilot:
             ConnectionError: No flight takes orders there.
         """
         self._connect, self._present, self._tell = connect, present, tell
-        self._orders: queue.SimpleQueue[str] = queue.SimpleQueue()
+        self.land = Brake("land", Flight.land, connect, tell)
+        self.kill = Brake("kill", Flight.kill, connect, tell)
         self._waiting: dict[str, Order] = {}
         self._lock = threading.Lock()
-        self._brake: Flight | None = None
-        self._brake_lock = threading.Lock()
         self._ended = threading.Event()
-        self._flight: Flight | None = connect(present)
+        self._first = connect(present)
         self.newest: Sample | None = None
         self.arrived = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="tilthex-pilot", daemon=True)
@@ -59,77 +56,63 @@ class Pilot:
     def order(self, name: str, order: Order) -> None:
         """Gives an order after the next state. It replaces a waiting order of the same name."""
         with self._lock:
-            waits = name in self._waiting
             self._waiting[name] = order
-        if not waits:
-            self._orders.put(name)
-
-    def urgent(self, name: str, order: Order) -> None:
-        """Gives `land` or `kill` at once, before all waiting orders. Connects again if necessary."""
-        with self._brake_lock:
-            try:
-                self._press(order)
-            except OrderRefused as error:
-                self._tell(f"{name} is refused", str(error))
-            except (OSError, ValueError) as error:
-                self._tell(f"{name} does not reach the flight", str(error))
 
     def close(self) -> None:
-        """Ends both connections; a flight that was ordered to move holds, and lands later."""
+        """Ends the connections; a flight that was ordered to move holds, and lands later."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(5.0)
-        with self._brake_lock:
-            if self._brake is not None:
-                self._brake.close()
-
-    def _press(self, order: Order) -> None:
-        if self._brake is not None:
-            try:
-                order(self._brake)
-                return
-            except OrderRefused:
-                raise
-            except (OSError, ValueError):
-                self._brake.close()
-        self._brake = self._connect(None)
-        order(self._brake)
+        for each in (self._first, self.land, self.kill):
+            each.close()
 
     def _run(self) -> None:
-        flight, self._flight = self._flight, None
-        while not self._ended.is_set():
+        flight: Flight | None = self._first
+        while True:
+            if flight is not None:
+                self._take(flight)
+            if self._ended.wait(AGAIN):
+                return
             try:
-                if flight is None:
-                    flight = self._connect(self._present)
-                with flight:
-                    self._fly(flight)
-                if not self._ended.is_set():
-                    self._tell("the flight has ended", "The page connects again when one begins.")
-            except (OSError, ValueError) as error:
+                flight = self._connect(self._present)
+            except (OSError, ValueError):
                 # A flight that has not started yet needs no message.
-                if flight is not None:
-                    self._tell("the flight is gone", str(error))
-            flight = None
-            self._ended.wait(AGAIN)
+                flight = None
+            # What was ordered without a flight must not start the next one.
+            while (waiting := self._next()) is not None:
+                self._tell(f"{waiting[0]} does not reach the flight", "The page had no connection to it.")
+
+    def _take(self, flight: Flight) -> None:
+        """Takes the states of a flight until it ends."""
+        try:
+            with flight:
+                self._fly(flight)
+            if not self._ended.is_set():
+                self._tell("the flight has ended", "The page connects again when one begins.")
+        except (OSError, ValueError) as error:
+            self._tell("the flight is gone", str(error))
+        except KeyError as error:
+            self._tell("the flight has another version of tilthex", f"its state has no {error}")
 
     def _fly(self, flight: Flight) -> None:
-        with self._brake_lock:
-            if self._brake is None:
-                self._brake = self._connect(None)
+        for brake in (self.land, self.kill):
+            brake.prepare()
         for state in flight.states(rate=RATE):
             self.newest, self.arrived = from_state(state), time.monotonic()
-            while not self._orders.empty():
-                self._give(flight, self._orders.get())
+            while (waiting := self._next()) is not None:
+                self._give(flight, *waiting)
             if self._ended.is_set():
                 return
 
-    def _give(self, flight: Flight, name: str) -> None:
+    def _next(self) -> tuple[str, Order] | None:
+        """The order that has waited longest."""
         with self._lock:
-            order = self._waiting.pop(name)
+            name = next(iter(self._waiting), None)
+            return None if name is None else (name, self._waiting.pop(name))
+
+    def _give(self, flight: Flight, name: str, order: Order) -> None:
         try:
             order(flight)
-        except ConnectionError:
-            raise
         except OrderRefused as error:
             self._tell(f"{name} is refused", str(error))
         except ValueError as error:
