@@ -13,18 +13,17 @@ import pytest
 import tilthex
 from test_programs import program
 from tilthex import __main__ as command
-from tilthex import log
+from tilthex import _control, log
 
 pytest.importorskip("viser", reason="viser is not installed: the page is not tested")
 
-from tilthex.view import cli, simulated
+from tilthex.view import simulated
 from tilthex.view.live import Live
+from tilthex.view.pilot import Pilot
 from tilthex.view.replay import Replay
 from tilthex.view.sample import TOPICS, Flown, Pose
 
 pytestmark = pytest.mark.real_time
-
-DEFAULT = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
 
 
 @pytest.fixture(scope="module")
@@ -72,20 +71,22 @@ def test_the_slider_moves_the_vehicle(flown, served):
     assert robot.position[2] > 0.1
 
 
-def test_what_is_no_log_is_one_sentence(tmp_path, capsys):
-    (tmp_path / "no.mcap").write_bytes(b"no log")
-    assert command.main(["view", str(tmp_path / "no.mcap"), "--no-browser"]) == 2
-    assert len(capsys.readouterr().err.splitlines()) == 1
+@pytest.mark.parametrize("arguments", [["no.mcap"], ["--config", "no.mcap"], ["--control", "7410"]])
+def test_what_cannot_be_shown_is_one_sentence(arguments, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    Path("no.mcap").write_bytes(b"no log")
+    assert command.main(["view", *arguments, "--no-browser"]) == 2
+    said = capsys.readouterr().err
+    assert len(said.splitlines()) == 1 and arguments[0] in said
 
 
 @contextlib.contextmanager
-def live(served, *arguments, config=None):
+def live(served, *arguments):
     """The page of a simulated flight: its page, its port, and what it told the operator."""
     program("tilthex-rt")
     ended, told = threading.Event(), []
     with simulated.flight(list(map(str, arguments))) as (port, push_port):
-        connector = cli.connector(f"127.0.0.1:{port}", None)
-        page = Live(served, config or DEFAULT, connector, "sim", push_port)
+        page = Live(served, _control.connector(f"127.0.0.1:{port}", None), "sim", push_port)
         tell = page.page.tell
         page.page.tell = lambda title, text: (told.append(title), tell(title, text))
         thread = threading.Thread(target=page.run, args=(ended,))
@@ -140,15 +141,32 @@ def test_orders_without_a_browser(served, tmp_path):
     )
 
 
+def test_a_flight_of_another_vehicle_is_not_shown(tmp_path):
+    (other := tmp_path / "other.toml").write_text('[vehicle]\npreset = "tilt-hex-light"\n')
+    program("tilthex-rt")
+    told = []
+    with simulated.flight([]) as first, simulated.flight(["--config", str(other)]) as second:
+        flights = (_control.connector(f"127.0.0.1:{ports.control}", None) for ports in (first, *[second] * 9))
+        pilot = Pilot(lambda **how: next(flights)(**how), lambda: True, lambda title, _: told.append(title))
+        with contextlib.closing(pilot):
+            pilot.start()
+            until(lambda: pilot.newest is not None)
+            with tilthex.connect(port=first.control) as flight:
+                flight.kill()
+            until(lambda: "the flight has another vehicle" in told)
+            assert pilot.newest.phase == "disarmed"
+            assert pilot.config.vehicle == tilthex.Vehicle.preset("tilt-hex")
+
+
 def test_a_flight_is_steered_in_a_browser(served, tmp_path):
     chromium.browser()
     path, settings = tmp_path / "flight.mcap", tmp_path / "config.toml"
     # A browser without a graphics card may be too slow for an operator.
     settings.write_text('[vehicle]\npreset = "tilt-hex"\n[supervisor]\noperator_timeout = 60.0\n')
-    config, address = tilthex.Config.from_toml(settings), f"http://127.0.0.1:{served.get_port()}/"
+    address = f"http://127.0.0.1:{served.get_port()}/"
     phase = "(document.getElementById('tilthex-phase') || {}).innerText"
     with (
-        live(served, "--config", settings, "--log", path, config=config) as (page, _, told),
+        live(served, "--config", settings, "--log", path) as (page, _, told),
         chromium.opened(address, tmp_path / "profile") as tab,
     ):
         tab.wait(f"{phase} == 'disarmed'")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from pathlib import Path
+from functools import partial
 from typing import Any
 
-from tilthex.client import DEFAULT_PORT, HEARTBEAT, Flight, OrderRefused, connect
+from tilthex import _control
+from tilthex.client import HEARTBEAT, Flight, OrderRefused
 from tilthex.ros2.poses import PoseSender
 from tilthex.ros2.pulse import Pulse
 
@@ -35,7 +36,8 @@ def main() -> int:
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     pulse = Pulse()
     try:
-        connection = _connection(arguments.control, arguments.control_token_file, pulse)
+        connect = _control.connector(arguments.control, arguments.control_token_file)
+        connection = partial(connect, timeout=ANSWER, present=pulse)
         sender = PoseSender(arguments.pose_to, arguments.pose_body) if arguments.pose_topic else None
     except (ValueError, OSError) as error:
         return _failed(str(error), USAGE)
@@ -113,29 +115,9 @@ def _forward_poses(node: Any, topic: str, sender: PoseSender) -> None:
     )
 
 
-def _connection(address: str, token_file: Path | None, present: Callable[[], bool]) -> Callable[[], Flight]:
-    """What connects to HOST:PORT or unix:PATH."""
-    token = token_file.read_text().strip() if token_file else None
-    if address.startswith("unix:"):
-        path = address.removeprefix("unix:")
-        return lambda: connect(timeout=ANSWER, path=path, token=token, present=present)
-    host, _, port = address.rpartition(":")
-    if not port.isdecimal():
-        raise ValueError(f"--control is {address}; expected HOST:PORT or unix:PATH")
-    return lambda: connect(host.strip("[]"), int(port), ANSWER, token=token, present=present)
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tilthex.ros2", description=__doc__)
-    parser.add_argument(
-        "--control",
-        default=f"127.0.0.1:{DEFAULT_PORT}",
-        metavar="ADDRESS",
-        help="where tilthex-rt --control takes orders: HOST:PORT or unix:PATH; default: %(default)s",
-    )
-    parser.add_argument(
-        "--control-token-file", type=Path, metavar="FILE", help="its token, where it asks for one"
-    )
+    _control.add_options(parser)
     parser.add_argument(
         "--rate", type=float, default=100.0, help="states a second, 0.1 to 100 Hz; default: %(default)s"
     )

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from tilthex.client import Flight, OrderRefused
 
 Order = Callable[[Flight], object]
-Connect = Callable[[Callable[[], bool] | None], Flight]
-"""Makes a connection. Its argument says whether the operator is present; None: always."""
+Connect = Callable[..., Flight]
+"""Makes a connection. Its argument `present` says whether the operator is present; without it: always."""
 
 
 class Brake:
@@ -36,7 +36,7 @@ class Brake:
         """
         with self._lock:
             if self._flight is None:
-                self._flight = self._connect(None)
+                self._flight = self._connect()
 
     def press(self) -> None:
         """Gives the order at once. Connects again if necessary."""
@@ -63,5 +63,5 @@ class Brake:
                 raise
             except (OSError, ValueError):
                 self._flight.close()
-        self._flight = self._connect(None)
+        self._flight = self._connect()
         self._order(self._flight)

@@ -12,8 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tilthex._core import Config, Vehicle
-from tilthex.client import DEFAULT_PORT, Flight, connect
+from tilthex._control import add_options, connector
 
 if TYPE_CHECKING:
     import viser
@@ -36,18 +35,12 @@ def add_parser(commands: Any) -> None:
     what = parser.add_mutually_exclusive_group()
     what.add_argument("log", nargs="?", type=Path, metavar="LOG", help="MCAP file of tilthex-rt")
     what.add_argument("--sim", action="store_true", help="start a simulated flight and show it")
-    parser.add_argument(
-        "--control",
-        default=f"127.0.0.1:{DEFAULT_PORT}",
-        metavar="ADDRESS",
-        help="control socket of the flight: ADDRESS:PORT or unix:PATH (default: %(default)s)",
-    )
-    parser.add_argument("--control-token-file", type=Path, metavar="FILE", help="the flight's token")
+    add_options(parser)
     parser.add_argument(
         "--config",
         type=Path,
         metavar="FILE",
-        help="the flight's configuration (default: the preset tilt-hex)",
+        help="configuration of the flight of --sim; a log and a running flight have their own",
     )
     parser.add_argument(
         "--listen",
@@ -97,6 +90,11 @@ def _prepare(
 
     Returns a function that makes the page, and then shows it until the end.
     """
+    path = arguments.config
+    if path is not None and not arguments.sim:
+        raise ValueError(
+            f"--config {path} is for --sim; a log and a running flight have their own configuration"
+        )
     if arguments.log is not None:
         from tilthex.log import Log
         from tilthex.view.replay import Replay
@@ -106,8 +104,6 @@ def _prepare(
         return lambda server: Replay(server, flown, arguments.log.name).run
     from tilthex.view.live import Live
 
-    path = arguments.config
-    config = Config.default(Vehicle.preset("tilt-hex")) if path is None else Config.from_toml(path)
     address, title, push_port = arguments.control, f"flight at {arguments.control}", None
     if arguments.sim:
         from tilthex.view import simulated
@@ -115,21 +111,4 @@ def _prepare(
         ports = stack.enter_context(simulated.flight([] if path is None else ["--config", str(path)]))
         address, title, push_port = f"127.0.0.1:{ports.control}", "simulated flight", ports.pushes
     connection = connector(address, arguments.control_token_file)
-    return lambda server: Live(server, config, connection, title, push_port).run
-
-
-def connector(address: str, token_file: Path | None) -> Callable[[Callable[[], bool] | None], Flight]:
-    """The function that connects to the control socket at an address, ADDRESS:PORT or unix:PATH.
-
-    Raises:
-        ValueError: It is not an address.
-    """
-    token = None if token_file is None else token_file.read_text(encoding="utf-8").strip()
-    scheme, separator, path = address.partition(":")
-    if scheme == "unix" and separator:
-        return lambda present: connect(path=path, token=token, present=present)
-    host, _, port = address.rpartition(":")
-    host = host.strip("[]")
-    if not host or not port.isdecimal():
-        raise ValueError(f"--control is {address!r}; expected ADDRESS:PORT or unix:PATH")
-    return lambda present: connect(host, int(port), token=token, present=present)
+    return lambda server: Live(server, connection, title, push_port).run

@@ -20,7 +20,7 @@ else:
 if TYPE_CHECKING:
     import viser
 
-    from tilthex import Config, Flight
+    from tilthex import Flight
     from tilthex.view.pilot import Pilot
     from tilthex.view.sample import Pose
 
@@ -44,7 +44,7 @@ LARGEST = {
 class Controls:
     """The controls of a flight. All orders go through the pilot, which shows refusals."""
 
-    def __init__(self, server: viser.ViserServer, pilot: Pilot, config: Config) -> None:
+    def __init__(self, server: viser.ViserServer, pilot: Pilot) -> None:
         self._pilot, self._gui = pilot, server.gui
         self.sliders: dict[str, list[viser.GuiSliderHandle[float]]] = {}
         self._gui.add_html(LARGE)
@@ -59,7 +59,7 @@ class Controls:
         with self._gui.add_folder("Go to"):
             self._go_to(server)
         with self._gui.add_folder("Stiffness and damping", expand_by_default=False):
-            self._admittance(config)
+            self._admittance()
         with self._gui.add_folder("Wrench of the tool", expand_by_default=False):
             self._wrench()
         self._button("zero bias", lambda flight: flight.zero_bias(), Icon.ADJUSTMENTS)
@@ -107,8 +107,8 @@ class Controls:
             self.aim(sample.setpoint)
             self._moved = False
 
-    def _admittance(self, config: Config) -> None:
-        table = tomllib.loads(config.to_toml())["admittance"]
+    def _admittance(self) -> None:
+        table = tomllib.loads(self._pilot.config.to_toml())["admittance"]
         for key, ends in LARGEST.items():
             self._six(key, np.asarray(table[key], dtype=float), ends)
 

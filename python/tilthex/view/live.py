@@ -16,7 +16,6 @@ from tilthex.view.sample import tool_pose
 if TYPE_CHECKING:
     import viser
 
-    from tilthex import Config
     from tilthex.view.brake import Connect
     from tilthex.view.sample import Sample
 
@@ -34,7 +33,6 @@ class Live:
     def __init__(
         self,
         server: viser.ViserServer,
-        config: Config,
         connect: Connect,
         title: str,
         push_port: int | None = None,
@@ -43,15 +41,12 @@ class Live:
 
         Raises:
             ConnectionError: No flight takes orders there.
-            ValueError: The flight has another number of rotors than the configuration.
         """
         self.presence = Presence(server)
         self.pilot = Pilot(connect, self.presence, self._tell)
-        self._rotors = config.vehicle.rotor_count
-        self.page = Page(server, config, title, round(KEPT / FRAME))
+        self.page = Page(server, self.pilot.config, title, round(KEPT / FRAME))
         with self.page.controls:
-            self.controls = Controls(server, self.pilot, config)
-        self._config = config
+            self.controls = Controls(server, self.pilot)
         self.hand = None if push_port is None else Hand(server, push_port)
         self._shown: Sample | None = None
 
@@ -77,20 +72,11 @@ class Live:
             return
         self.controls.update()
         if sample is not self._shown:
-            self._check(sample)
             self.page.charts.add(sample)
             if self.hand is not None:
-                self.hand.ball.position = tool_pose(sample.robot, self._config).position
+                self.hand.ball.position = tool_pose(sample.robot, self.pilot.config).position
         self._shown = sample
         self.page.show(sample, link_age=max(0.0, time.monotonic() - self.pilot.arrived))
-
-    def _check(self, sample: Sample) -> None:
-        found = len(sample.rotor_speeds)
-        if found != self._rotors:
-            raise ValueError(
-                f"the flight has {found} rotors, the configuration's vehicle {self._rotors}; "
-                "name the flight's configuration with --config"
-            )
 
     def _tell(self, title: str, text: str) -> None:
         self.page.tell(title, text)

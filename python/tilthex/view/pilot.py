@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from tilthex._core import Config
 from tilthex.client import Flight, OrderRefused
 from tilthex.view.brake import Brake, Connect, Order
 from tilthex.view.sample import Sample, from_state
@@ -20,6 +21,7 @@ class Pilot:
     """Three connections: one for states and orders, which holds the controls, one to land, one to kill.
 
     Attributes:
+        config: The configuration of the flight as the page was opened.
         newest: The newest sample, None before the first.
         arrived: Its time of arrival on `time.monotonic`.
         land, kill: Give these orders.
@@ -44,7 +46,8 @@ class Pilot:
         self._waiting: dict[str, Order] = {}
         self._lock = threading.Lock()
         self._ended = threading.Event()
-        self._first = connect(present)
+        self._first = connect(present=present)
+        self.config = Config.from_text(self._first.configuration())
         self.newest: Sample | None = None
         self.arrived = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="tilthex-pilot", daemon=True)
@@ -74,7 +77,7 @@ class Pilot:
             if self._ended.wait(AGAIN):
                 return
             try:
-                flight = self._connect(self._present)
+                flight = self._connect(present=self._present)
             except (OSError, ValueError):
                 # A flight that has not started yet needs no message.
                 flight = None
@@ -86,6 +89,9 @@ class Pilot:
         """Takes the states of a flight until it ends."""
         try:
             with flight:
+                if Config.from_text(flight.configuration()).vehicle != self.config.vehicle:
+                    self._tell("the flight has another vehicle", "Start `tilthex view` again to see it.")
+                    return
                 self._fly(flight)
             if not self._ended.is_set():
                 self._tell("the flight has ended", "The page connects again when one begins.")
