@@ -3,6 +3,7 @@
 use crate::convert::{self, array1, array2, wrench_array};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{exceptions::PyValueError, prelude::*};
+use tilthex_config::orders::force_axes;
 use tilthex_core::{Vector3, Wrench, force_axes::ForceAxes};
 
 type Any<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
@@ -12,17 +13,9 @@ fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
 }
 
 /// The axes of a set-point along which force is controlled.
-pub(crate) fn chosen(names: Vec<String>, surface: Any<'_, '_>) -> PyResult<ForceAxes> {
+pub(crate) fn chosen(names: &[String], surface: Any<'_, '_>) -> PyResult<ForceAxes> {
     let surface_ws = surface.map(|s| convert::rotation("surface", s)).transpose()?;
-    let mut axes = ForceAxes { surface_ws, ..ForceAxes::NONE };
-    for name in names {
-        if !axes.choose(&name) {
-            let known = ForceAxes::NAMES.join(", ");
-            let message = format!("force_axes: found {name:?}, expected any of {known}");
-            return Err(PyValueError::new_err(message));
-        }
-    }
-    Ok(axes)
+    force_axes(names, surface_ws).map_err(PyValueError::new_err)
 }
 
 /// The commanded set-point of the tool: pose, twist and acceleration of the tool frame, all in world coordinates, and
@@ -60,7 +53,7 @@ impl Setpoint {
             acceleration_w: or_zero("acceleration", acceleration)?,
             angular_acceleration_w: or_zero("angular_acceleration", angular_acceleration)?,
             wrench_w: wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?,
-            force_axes: chosen(force_axes.unwrap_or_default(), surface)?,
+            force_axes: chosen(&force_axes.unwrap_or_default(), surface)?,
         }))
     }
 

@@ -115,7 +115,7 @@ fn waypoint(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Waypoint> {
             .map_or(Ok(Matrix3::identity()), |r| convert::rotation(&place("rotation"), &r))?,
         wrench_w: get("wrench")?.map_or(Ok(Wrench::ZERO), |w| convert::wrench(&place("wrench"), &w))?,
         force_axes: chosen(
-            get("force_axes")?.map_or(Ok(Vec::new()), |names| names.extract())?,
+            &get("force_axes")?.map_or(Ok(Vec::<String>::new()), |names| names.extract())?,
             get("surface")?.as_ref(),
         )?,
         duration: seconds("duration")?,

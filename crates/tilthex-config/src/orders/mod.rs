@@ -16,6 +16,7 @@ use tilthex_core::{
     Error, Matrix3, Setpoint, Vector3,
     admittance::AdmittanceFilter,
     flight::{Command, Route},
+    force_axes::ForceAxes,
     so3,
     trajectory::Limits,
 };
@@ -141,6 +142,23 @@ pub fn parse_route(text: &str, base: &Limits) -> Result<Route, String> {
         format!("line {line}: {}", e.message().replace('\n', " "))
     })?;
     route.route(base)
+}
+
+/// The force axes of these names: those of the tool, or those of a surface, whose rotation maps its coordinates to world
+/// coordinates.
+///
+/// # Errors
+/// The unknown name and the known ones, or that the surface is no rotation.
+pub fn force_axes(names: &[String], surface_ws: Option<Matrix3>) -> Result<ForceAxes, String> {
+    let mut axes = ForceAxes { surface_ws, ..ForceAxes::NONE };
+    for name in names {
+        if !axes.choose(name) {
+            let known = ForceAxes::NAMES.join(", ");
+            return Err(format!("force_axes: found {name:?}, expected any of {known}"));
+        }
+    }
+    axes.check().map_err(|e| e.to_string())?;
+    Ok(axes)
 }
 
 fn take<T: DeserializeOwned>(value: serde_json::Value) -> Result<T, String> {

@@ -1,5 +1,6 @@
 //! Orders as text.
 
+use super::force_axes;
 use serde::Deserialize;
 use tilthex_core::{
     Matrix3, Wrench,
@@ -28,22 +29,9 @@ pub(super) struct WrenchText {
     surface: Option<[[f64; 3]; 3]>,
 }
 
-/// The axes of these names: the tool's, or those of a surface (row by row; maps its coordinates to world coordinates).
-fn force_axes(names: &[String], surface: Option<&[[f64; 3]; 3]>) -> Result<ForceAxes, String> {
-    let mut axes = ForceAxes { surface_ws: surface.map(matrix3), ..ForceAxes::NONE };
-    for name in names {
-        if !axes.choose(name) {
-            let known = ForceAxes::NAMES.join(", ");
-            return Err(format!("force_axes: found {name:?}, expected any of {known}"));
-        }
-    }
-    axes.check().map_err(|e| e.to_string())?;
-    Ok(axes)
-}
-
 impl WrenchText {
     pub(super) fn force_axes(&self) -> Result<ForceAxes, String> {
-        force_axes(&self.force_axes, self.surface.as_ref())
+        force_axes(&self.force_axes, self.surface.as_ref().map(matrix3))
     }
 
     pub(super) fn wrench(&self) -> Wrench {
@@ -107,7 +95,7 @@ impl WaypointText {
             position_w: self.position.into(),
             rotation_we: self.rotation()?,
             wrench_w: Wrench { force: self.force.into(), torque: self.torque.into() },
-            force_axes: force_axes(&self.force_axes, self.surface.as_ref())?,
+            force_axes: force_axes(&self.force_axes, self.surface.as_ref().map(matrix3))?,
             duration: self.duration,
             hold: self.hold,
         })
