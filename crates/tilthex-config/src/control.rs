@@ -56,11 +56,11 @@ section! {
         /// "world", or "tool": those of the tool at its set-point.
         axes: String = FilterAxes::default().name().into(),
         /// M_E.
-        mass: Square<6> = Square::diagonal([1.5, 1.5, 1.5, 0.01, 0.01, 0.02]) => "kg and kg m^2" by "set_admittance",
+        mass: Square<6> = Square(AdmittanceParams::default().mass) => "kg and kg m^2" by "set_admittance",
         /// D_E.
-        damping: Square<6> = Square::diagonal([10.0, 10.0, 10.0, 4.0, 4.0, 4.0]) => "N s/m and N m s/rad" by "set_admittance",
+        damping: Square<6> = Square(AdmittanceParams::default().damping) => "N s/m and N m s/rad" by "set_admittance",
         /// K_E. The rotational spring has a potential if no rotational stiffness is larger than the sum of the two others.
-        stiffness: Square<6> = Square::diagonal([6.0, 6.0, 6.0, 10.0, 10.0, 5.0]) => "N/m and N m/rad" by "set_admittance",
+        stiffness: Square<6> = Square(AdmittanceParams::default().stiffness) => "N/m and N m/rad" by "set_admittance",
         /// Tool forces up to this norm do not move the reference.
         force_dead_zone: f64 = 0.2 => "N" from 0.0 to 100.0,
         /// Tool torques up to this norm do not turn the reference.
@@ -79,7 +79,7 @@ section! {
         /// Largest angle by which a wrench set-point turns the tool if nothing resists it.
         max_wrench_turn_deg: f64 = 30.0 => "degrees" from 0.0 to 177.0,
         /// Largest distance of the reference from the set-point.
-        max_translation: f64 = 1.0 => "m" from 0.0 to 100.0 by "set_admittance",
+        max_translation: f64 = AdmittanceParams::default().max_translation => "m" from 0.0 to 100.0 by "set_admittance",
         /// Largest rotation of the reference from the set-point.
         max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
         /// Largest speed of the reference relative to its set-point, as after a loss of contact.
