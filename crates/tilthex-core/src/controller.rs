@@ -231,15 +231,21 @@ impl Controller {
         let touching = (wrench_tool_w - told.drag_tool_w).to_vector();
         let smooth = Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &touching, dt));
         // A reference that does not yield controls no force.
-        let force_axes = if input.compliant { input.setpoint.force_axes } else { ForceAxes::NONE };
-        let setpoint = Setpoint { force_axes, ..input.setpoint };
-        let forced = force_axes.at(&(state.admittance.rotation * setpoint.rotation_we));
-        let contact_w = forced.beyond(&smooth, (self.params.force_dead_zone, self.params.torque_dead_zone));
+        let unforced;
+        let setpoint = if input.compliant || !input.setpoint.force_axes.any() {
+            &input.setpoint
+        } else {
+            unforced = Setpoint { force_axes: ForceAxes::NONE, ..input.setpoint };
+            &unforced
+        };
+        let forced = setpoint.force_axes.at(&(state.admittance.rotation * setpoint.rotation_we));
+        let dead_zones = (self.params.force_dead_zone, self.params.torque_dead_zone);
+        let contact_w = forced.beyond(&smooth, &setpoint.wrench_w, dead_zones);
         let wrench_admittance_w =
             Wrench { force: contact_w.force * told.part, torque: contact_w.torque * told.part };
         let mut drive = Wrench::ZERO;
         if input.compliant {
-            let (free, admittance) = (&mut state.free_wrench, (&self.admittance, &setpoint));
+            let (free, admittance) = (&mut state.free_wrench, (&self.admittance, setpoint));
             let felt_w = &wrench_admittance_w;
             drive = wrench_admittance_w
                 + self.params.free_wrench.step(free, admittance, &state.admittance, felt_w, dt);
@@ -257,12 +263,14 @@ impl Controller {
             Some([least, most]) if least >= most => (&self.firm, observed - contact),
             Some(_) => (&self.firm, self.explained(&observed, &contact, &state.lasting_force_w)),
         };
-        let mut yielded = filter.step(&mut state.admittance, &setpoint, &drive, dt);
+        let mut yielded = filter.step(&mut state.admittance, setpoint, &drive, dt);
         if input.compliant {
-            let impulse_w = filter.impulse_w(&wrench_admittance_w, &setpoint);
+            let twist_w = filter.own_twist_w(&state.admittance, setpoint);
+            let impulse_w = filter.impulse_w(&wrench_admittance_w, setpoint);
             self.params.bounds.step(
                 &mut state.energy_tank,
                 (&mut state.admittance, &mut yielded.reference),
+                &twist_w,
                 (&wrench_admittance_w, &impulse_w),
                 dt,
             );

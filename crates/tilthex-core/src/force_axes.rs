@@ -79,6 +79,14 @@ impl ForceAxes {
     }
 }
 
+/// The tool is in contact if at least this part of the commanded force or torque is felt against it.
+const RESISTS: f64 = 0.3;
+
+/// Whether something resists a commanded force or torque.
+pub(crate) fn resists(felt: &Vector3, commanded: &Vector3) -> bool {
+    felt.dot(commanded) < -RESISTS * commanded.norm_squared()
+}
+
 /// The chosen axes in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forced {
@@ -94,21 +102,26 @@ impl Forced {
         self.any
     }
 
-    /// A wrench after the dead zones, N and N m. They do not act along the chosen axes.
+    /// A felt wrench after the dead zones, N and N m. They do not act along the chosen axes while something resists the
+    /// commanded wrench there.
     #[must_use]
-    pub fn beyond(&self, wrench_w: &Wrench, dead_zones: (f64, f64)) -> Wrench {
-        let [force, torque] = &self.projections;
-        let part = |v: &Vector3, along: &Matrix3, zone: f64| {
-            let forced = along * v;
-            dead_zone(&(v - forced), zone) + forced
+    pub fn beyond(&self, felt_w: &Wrench, commanded_w: &Wrench, dead_zones: (f64, f64)) -> Wrench {
+        let part = |felt: &Vector3, commanded: &Vector3, along: &Matrix3, zone: f64| {
+            let forced = along * felt;
+            if self.any && resists(&forced, &(along * commanded)) {
+                dead_zone(&(felt - forced), zone) + forced
+            } else {
+                dead_zone(felt, zone)
+            }
         };
+        let [force, torque] = &self.projections;
         Wrench {
-            force: part(&wrench_w.force, force, dead_zones.0),
-            torque: part(&wrench_w.torque, torque, dead_zones.1),
+            force: part(&felt_w.force, &commanded_w.force, force, dead_zones.0),
+            torque: part(&felt_w.torque, &commanded_w.torque, torque, dead_zones.1),
         }
     }
 
-    /// The part of a wrench along the chosen axes.
+    /// The part of a wrench, or of a twist in its place, along the chosen axes.
     #[must_use]
     pub fn along(&self, wrench_w: &Wrench) -> Wrench {
         let [force, torque] = &self.projections;

@@ -8,11 +8,10 @@ use crate::{
     Error,
     admittance::{AdmittanceFilter, AdmittanceState},
     error::check_range,
+    force_axes::resists,
     types::{Matrix3, Matrix6, Setpoint, Vector3, Wrench},
 };
 
-/// The tool is in contact if at least this part of the commanded wrench is felt against it.
-const RESISTS: f64 = 0.3;
 /// Time constants of the approach to the largest speed and to the end of the way, s.
 const REACHED: f64 = 0.1;
 const APPROACH: f64 = 0.5;
@@ -90,8 +89,8 @@ impl FreeWrenchParams {
             return Wrench::ZERO;
         }
         let spring_w = filter.acting_spring_w(moved, setpoint);
-        let [mass, damping] =
-            [&filter.params().mass, &filter.params().damping].map(|m| filter.in_world(m, setpoint));
+        let [mass, damping] = [&filter.params().mass, &filter.params().damping]
+            .map(|m| filter.params().in_world(m, &setpoint.rotation_we));
         let half = |rows: usize, felt_w: Vector3, spring_w: Vector3, most: (f64, f64)| {
             let block = |m: &Matrix6| {
                 Matrix3::from_fn(|i, k| m.get((rows + i, rows + k)).copied().unwrap_or_default())
@@ -102,7 +101,8 @@ impl FreeWrenchParams {
             half(0, felt_w.force, spring_w.force, (self.speed, self.way)),
             half(3, felt_w.torque, spring_w.torque, (self.spin, self.turn)),
         );
-        let (velocity_w, spin_w) = (moved.twist_w.fixed_rows::<3>(0), moved.twist_w.fixed_rows::<3>(3));
+        let twist_w = filter.own_twist_w(moved, setpoint);
+        let (velocity_w, spin_w) = (twist_w.fixed_rows::<3>(0), twist_w.fixed_rows::<3>(3));
         Wrench {
             force: force.drive(&commanded_w.force, &velocity_w.into(), &mut state.way, dt),
             torque: torque.drive(&commanded_w.torque, &spin_w.into(), &mut state.turn, dt),
@@ -131,7 +131,7 @@ impl Half {
         }
         let along = commanded_w / size;
         let speed = velocity_w.dot(&along);
-        if self.felt_w.dot(&along) < -RESISTS * size {
+        if resists(&self.felt_w, commanded_w) {
             *way = 0.0;
         } else {
             *way += speed.max(0.0) * dt;

@@ -30,7 +30,8 @@ use crate::{
 ///     let mut state = AdmittanceState { twist_w: Vector6::x() * 0.9, ..AdmittanceState::default() };
 ///     let mut reference = Setpoint::hold(Vector3::zeros(), Matrix3::identity());
 ///     let felt_w = (&wall_w, &wall_w.to_vector());
-///     bounds.step(&mut level, (&mut state, &mut reference), felt_w, 0.002);
+///     let twist_w = state.twist_w;
+///     bounds.step(&mut level, (&mut state, &mut reference), &twist_w, felt_w, 0.002);
 ///     given += 10.0 * state.twist_w[0] * 0.002;
 /// }
 /// assert!((given - 0.5).abs() < 1e-9);
@@ -63,28 +64,30 @@ impl ReferenceBounds {
         check_range("tank_power", self.power, 0.0, 1e4)
     }
 
-    /// One tick of `dt` s, after the filter's. `level` is the tank's, J; `felt_w` the wrench of the environment at the tool,
-    /// world, and the change of the filter's twist by this wrench as an impulse of 1 s.
+    /// One tick of `dt` s, after the filter's. `level` is the tank's, J; `twist_w` the twist of the reference that counts,
+    /// world; `felt_w` the wrench of the environment at the tool, world, and the change of the filter's twist by this
+    /// wrench as an impulse of 1 s.
     pub fn step(
         &self,
         level: &mut f64,
         (state, reference): (&mut AdmittanceState, &mut Setpoint),
+        twist_w: &Vector6,
         felt_w: (&Wrench, &Vector6),
         dt: f64,
     ) {
         if dt <= 0.0 {
             return;
         }
-        let twist_w = Wrench::from_vector(&state.twist_w);
+        let halves = Wrench::from_vector(twist_w);
         let slower = |v: Vector3, most: f64| v * (most / v.norm().max(most) - 1.0);
-        let (v, w) = (slower(twist_w.force, self.speed), slower(twist_w.torque, self.spin));
+        let (v, w) = (slower(halves.force, self.speed), slower(halves.torque, self.spin));
         // The part of the velocity that is removed in this tick is removed from the acceleration too.
         reference.acceleration_w += v / dt;
         reference.angular_acceleration_w += w / dt;
-        let slowed = state.twist_w + Wrench { force: v, torque: w }.to_vector();
-        let twist_w = slowed + self.back(level, &slowed, felt_w, dt);
-        let change = Wrench::from_vector(&(twist_w - state.twist_w));
-        state.twist_w = twist_w;
+        let slower = Wrench { force: v, torque: w }.to_vector();
+        let change = slower + self.back(level, &(twist_w + slower), felt_w, dt);
+        state.twist_w += change;
+        let change = Wrench::from_vector(&change);
         reference.velocity_w += change.force;
         reference.angular_velocity_w += change.torque;
     }

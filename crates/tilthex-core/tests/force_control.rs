@@ -57,7 +57,7 @@ proptest! {
         let mut felt = Wrench::ZERO;
         for _ in 0..20_000 {
             let forced = axes.at(&(state.rotation * setpoint.rotation_we));
-            let drive = forced.beyond(&felt, (0.2, 0.2)) + setpoint.wrench_w;
+            let drive = forced.beyond(&felt, &setpoint.wrench_w, (0.2, 0.2)) + setpoint.wrench_w;
             let tip = filter.step(&mut state, &setpoint, &drive, DT).reference.position_w;
             felt = wall(stiffness, &normal, &tip);
         }
@@ -107,7 +107,8 @@ proptest! {
             let push = if k < 300 { push } else { Wrench::ZERO };
             let before = filter.energy(&state);
             let mut reference = filter.step(&mut state, &setpoint, &push, DT).reference;
-            bounds.step(&mut level, (&mut state, &mut reference), (&Wrench::ZERO, &Vector6::zeros()), DT);
+            let twist_w = state.twist_w;
+            bounds.step(&mut level, (&mut state, &mut reference), &twist_w, (&Wrench::ZERO, &Vector6::zeros()), DT);
             prop_assert!(reference.velocity_w.norm() <= limit * (1.0 + 1e-12));
             prop_assert!(reference.angular_velocity_w.norm() <= spin * (1.0 + 1e-12));
             if k >= 300 {
@@ -136,7 +137,8 @@ proptest! {
             let out = filter.step(&mut state, &setpoint, &(Wrench::from_vector(&felt) + command), DT);
             let mut reference = out.reference;
             let felt_w = (&Wrench::from_vector(&felt), &(mass_inverse * felt));
-            bounds.step(&mut level, (&mut state, &mut reference), felt_w, DT);
+            let twist_w = state.twist_w;
+            bounds.step(&mut level, (&mut state, &mut reference), &twist_w, felt_w, DT);
             given -= felt.dot(&state.twist_w) * DT;
             let most = capacity + power * DT * f64::from(k + 1);
             prop_assert!(given <= most + 1e-9, "{given} J of {most}");

@@ -4,7 +4,13 @@
 use crate::{Config, TrueVehicle};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 use std::f64::consts::PI;
-use tilthex_core::{GRAVITY, Matrix6, Vector3, Vehicle, controller::ControllerParams, so3, types::Vector6};
+use tilthex_core::{
+    GRAVITY, Matrix6, Vector3, Vehicle,
+    admittance::{AdmittanceParams, Axes},
+    controller::ControllerParams,
+    so3,
+    types::Vector6,
+};
 
 /// A complex number.
 pub(crate) type Number = Complex<f64>;
@@ -136,11 +142,21 @@ impl LoopModel {
 
     /// Of a controller that has a model of a true vehicle.
     pub(crate) fn new(
-        params: ControllerParams,
+        mut params: ControllerParams,
         model: &Vehicle,
         truth: &Vehicle,
         delays: LoopDelays,
     ) -> Self {
+        // The vehicle hovers level.
+        let (a, rotation_we) = (params.admittance, &model.tool().rotation_r);
+        let in_world = |m: &Matrix6| a.in_world(m, rotation_we);
+        params.admittance = AdmittanceParams {
+            axes: Axes::World,
+            mass: in_world(&a.mass),
+            damping: in_world(&a.damping),
+            stiffness: in_world(&a.stiffness),
+            ..a
+        };
         let (model_mass, true_mass) = (generalised(model), generalised(truth));
         let true_inverse = true_mass.try_inverse().unwrap_or_else(Matrix6::identity);
         let model_inverse = model_mass.try_inverse().unwrap_or_else(Matrix6::identity);

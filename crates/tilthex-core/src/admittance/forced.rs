@@ -3,7 +3,7 @@
 use super::{AdmittanceFilter, AdmittanceState, Axes, Law, propagator::Block, spring::join, turned};
 use crate::{
     force_axes::Forced,
-    types::{Matrix6, Setpoint, Vector6, Wrench},
+    types::{Setpoint, Vector6, Wrench},
 };
 
 impl AdmittanceFilter {
@@ -38,7 +38,8 @@ impl AdmittanceFilter {
     pub(super) fn carried_w(&self, setpoint: &Setpoint) -> Wrench {
         let (v, w) = (&setpoint.velocity_w, &setpoint.angular_velocity_w);
         let (a, alpha) = (&setpoint.acceleration_w, &setpoint.angular_acceleration_w);
-        let [mass, damping] = [&self.params.mass, &self.params.damping].map(|m| self.in_world(m, setpoint));
+        let [mass, damping] =
+            [&self.params.mass, &self.params.damping].map(|m| self.params.in_world(m, &setpoint.rotation_we));
         Wrench::from_vector(&(mass * join(a, alpha) + damping * join(v, w)))
     }
 
@@ -48,6 +49,14 @@ impl AdmittanceFilter {
             || self.spring_w(state, setpoint),
             |forced| self.relieved_w(state, setpoint, &forced),
         )
+    }
+
+    /// The twist of the reference, m/s and rad/s, world: relative to the set-point, and along the force axes, where the
+    /// set-point's motion does not act, relative to the world.
+    pub(crate) fn own_twist_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Vector6 {
+        let Some(forced) = self.forced(state, setpoint) else { return state.twist_w };
+        let twist_w = Wrench { force: setpoint.velocity_w, torque: setpoint.angular_velocity_w };
+        state.twist_w + forced.along(&twist_w).to_vector()
     }
 
     /// The change of the reference's twist by an impulse `wrench_w`, N s and N m s, on the filter's mass, world.
@@ -64,17 +73,5 @@ impl AdmittanceFilter {
                 turned(&own, &setpoint.rotation_we)
             }
         }
-    }
-
-    /// A matrix of the parameters in world axes.
-    pub(crate) fn in_world(&self, matrix: &Matrix6, setpoint: &Setpoint) -> Matrix6 {
-        if self.params.axes == Axes::World {
-            return *matrix;
-        }
-        let r = &setpoint.rotation_we;
-        let both = Matrix6::from_fn(|i, k| {
-            if i / 3 == k / 3 { r.get((i % 3, k % 3)).copied().unwrap_or_default() } else { 0.0 }
-        });
-        both * matrix * both.transpose()
     }
 }

@@ -3,7 +3,7 @@
 use crate::{
     Error,
     error::check_range,
-    types::{Matrix6, Vector6},
+    types::{Matrix3, Matrix6, Vector6},
 };
 
 /// The axes of mass, damping and stiffness.
@@ -76,6 +76,18 @@ impl AdmittanceParams {
         check_matrix("admittance stiffness", &self.stiffness, 0.0)?;
         check_range("max_translation", self.max_translation, 0.0, 100.0)?;
         check_range("max_rotation", self.max_rotation, 0.0, 3.1)
+    }
+
+    /// One of the matrices in world axes, for a tool at its set-point `rotation_we`.
+    #[must_use]
+    pub fn in_world(&self, matrix: &Matrix6, rotation_we: &Matrix3) -> Matrix6 {
+        if self.axes == Axes::World {
+            return *matrix;
+        }
+        let both = Matrix6::from_fn(|i, k| {
+            if i / 3 == k / 3 { rotation_we.get((i % 3, k % 3)).copied().unwrap_or_default() } else { 0.0 }
+        });
+        both * matrix * both.transpose()
     }
 
     /// The parameters of a reference that does not yield, and that returns from any place to which `yielding` let it
