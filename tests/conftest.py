@@ -23,6 +23,14 @@ def flight(tmp_path_factory):
     return path.read_bytes()
 
 
+@pytest.fixture(scope="module")
+def path(tmp_path_factory, flight):
+    """A file with the same log, in a folder of the test's module."""
+    path = tmp_path_factory.mktemp("flown") / "flight.mcap"
+    path.write_bytes(flight)
+    return path
+
+
 @pytest.fixture
 def served(request):
     """A server of pages at any port; its parameter is the token that it asks for."""

@@ -11,13 +11,6 @@ from tilthex._quaternions import rotations_from_quaternions
 pytestmark = pytest.mark.real_time
 
 
-@pytest.fixture(scope="module")
-def path(tmp_path_factory, flight):
-    path = tmp_path_factory.mktemp("convert") / "flight.mcap"
-    path.write_bytes(flight)
-    return path
-
-
 @pytest.mark.parametrize(("to", "read"), [("csv", pandas.read_csv), ("parquet", pandas.read_parquet)])
 def test_tables_hold_every_number_of_every_topic(tmp_path, path, to, read):
     out = tmp_path / "new" / "tables"

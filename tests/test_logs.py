@@ -251,9 +251,7 @@ def test_a_pipe_or_a_device_is_no_log(tmp_path, capsys):
         assert what in run("replay", path).stderr
 
 
-def test_phases_are_names_and_numbers_are_arrays(tmp_path, flight):
-    path = tmp_path / "flight.mcap"
-    path.write_bytes(flight)
+def test_phases_are_names_and_numbers_are_arrays(path):
     topics = log.read(path, ["/flight", "/state", "/rotors", "/wrench", "/control"])
     phase = topics["/flight"]["phase"]
     assert {"disarmed", "starting", "flying", "landing"} <= set(phase)
@@ -266,10 +264,8 @@ def test_phases_are_names_and_numbers_are_arrays(tmp_path, flight):
     assert set(log.TOPICS) - set(log.Log(path).topics) == {"/command"}
 
 
-def test_state_and_truth_share_a_clock(tmp_path, flight):
+def test_state_and_truth_share_a_clock(path):
     """By their `time` the estimate is on the truth while the vehicle climbs and sinks."""
-    path = tmp_path / "flight.mcap"
-    path.write_bytes(flight)
     topics = log.read(path, ["/state", "/truth", "/flight"])
     state, truth = topics["/state"], topics["/truth"]
     moves = log.flying(topics["/flight"]["phase"]) & (abs(state["velocity_w"][:, 2]) > 0.1)

@@ -27,13 +27,6 @@ pytestmark = pytest.mark.real_time
 
 
 @pytest.fixture(scope="module")
-def path(tmp_path_factory, flight):
-    path = tmp_path_factory.mktemp("view") / "flight.mcap"
-    path.write_bytes(flight)
-    return path
-
-
-@pytest.fixture(scope="module")
 def flown(path):
     return Flown(log.Log(path))
 

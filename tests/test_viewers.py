@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from tilthex import __main__ as command
 from tilthex import _foxglove, convert, log
 from tilthex._quaternions import quaternion_from_rotation, rotations_from_quaternions
-from tilthex.view.geometry import cylinders
+from tilthex.view.geometry import cylinders, turn
 
 AXES = st.sampled_from(np.vstack([np.eye(3), -np.eye(3)]).tolist())
 NUMBERS = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
@@ -24,18 +24,11 @@ NUMBERS = st.floats(-1e3, 1e3).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
 @given(axis=AXES, direction=st.lists(NUMBERS, min_size=3, max_size=3).filter(any))
 def test_a_turn_takes_the_axis_to_the_direction(axis, direction):
     direction = np.array(direction)
-    rotation = _foxglove.turn(axis, direction)
+    rotation = turn(axis, direction)
     assert np.allclose(rotation @ axis, direction / np.linalg.norm(direction), atol=1e-7)
     assert np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-9)
     again = rotations_from_quaternions(quaternion_from_rotation(rotation)[None])[0]
     assert np.allclose(again, rotation, atol=1e-7)
-
-
-@pytest.fixture(scope="module")
-def path(tmp_path_factory, flight):
-    path = tmp_path_factory.mktemp("viewers") / "flight.mcap"
-    path.write_bytes(flight)
-    return path
 
 
 @pytest.fixture(scope="module")

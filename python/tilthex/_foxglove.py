@@ -16,11 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import so3
 from tilthex._core import Config
 from tilthex._quaternions import quaternion_from_rotation
 from tilthex.log import Log
-from tilthex.view.geometry import Cylinder, cylinders
+from tilthex.view.geometry import Cylinder, cylinders, turn
 from tilthex.view.looks import FORCE, FORCE_LENGTH, TORQUE, TORQUE_LENGTH
 from tilthex.view.sample import Flown, Pose, Sample, tool_pose
 
@@ -60,9 +59,7 @@ def write(log: Log, out: Path) -> None:
             known = writer.register_schema(*schema)
             channels[number] = writer.register_channel(topic, encoding, known)
         scene = Scene(flown.config)
-        every: Iterator[tuple[int, int | str, Any]] = heapq.merge(
-            log.raw(), scene.messages(flown), key=itemgetter(0)
-        )
+        every: Iterator[Message] = heapq.merge(log.raw(), scene.messages(flown), key=itemgetter(0))
         for time, channel, message in every:
             if not isinstance(message, bytes):
                 if channel not in channels:
@@ -149,25 +146,12 @@ class Scene:
         return message, entity
 
     def _shape(self, shape: Cylinder) -> Any:
-        axis = shape.end - shape.begin
         cylinder = self._cylinder(bottom_scale=1.0, top_scale=1.0)
-        _place(cylinder.pose, 0.5 * (shape.begin + shape.end), turn([0.0, 0.0, 1.0], axis))
+        _place(cylinder.pose, shape.centre, shape.rotation)
         cylinder.size.x = cylinder.size.y = 2.0 * shape.radius
-        cylinder.size.z = float(np.linalg.norm(axis))
+        cylinder.size.z = shape.length
         _paint(cylinder.color, shape.colour, shape.opacity)
         return cylinder
-
-
-def turn(axis: Any, direction: Array) -> Array:
-    """The shortest rotation (3, 3) that maps a unit axis to a direction."""
-    begin, end = np.asarray(axis, dtype=float), direction / np.linalg.norm(direction)
-    across = np.cross(begin, end)
-    sine, cosine = float(np.linalg.norm(across)), float(begin @ end)
-    if sine < 1e-9:
-        # The same direction, or the opposite one: then 180 deg about any axis normal to it.
-        other = np.cross(begin, np.eye(3)[np.argmin(np.abs(begin))])
-        return np.eye(3) if cosine > 0.0 else so3.exp(np.pi * other / np.linalg.norm(other))
-    return so3.exp(np.arctan2(sine, cosine) * across / sine)
 
 
 def _place(pose: Any, position: Array, rotation: Array) -> None:

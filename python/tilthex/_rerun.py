@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from tilthex._foxglove import turn
 from tilthex._quaternions import quaternion_from_rotation
 from tilthex.log import Log
 from tilthex.view.geometry import cylinders
@@ -38,12 +37,10 @@ def write(log: Log, out: Path) -> None:
     stream.log(
         "world/robot/shape",
         rr.Cylinders3D(
-            lengths=[float(np.linalg.norm(shape.end - shape.begin)) for shape in shapes],
+            lengths=[shape.length for shape in shapes],
             radii=[shape.radius for shape in shapes],
-            centers=[0.5 * (shape.begin + shape.end) for shape in shapes],
-            quaternions=[
-                quaternion_from_rotation(turn([0.0, 0.0, 1.0], shape.end - shape.begin)) for shape in shapes
-            ],
+            centers=[shape.centre for shape in shapes],
+            quaternions=[quaternion_from_rotation(shape.rotation) for shape in shapes],
             colors=[(*shape.colour, round(255 * shape.opacity)) for shape in shapes],
             fill_mode="solid",
         ),

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 from xml.etree import ElementTree as ET
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from tilthex import so3
 from tilthex._core import GRAVITY
 from tilthex.polytope import NO_TORQUE, wrench_polytope
 
@@ -35,9 +36,36 @@ class Cylinder:
     opacity: float
 
     @property
+    def centre(self) -> Array:
+        """(3,), m."""
+        return 0.5 * (self.begin + self.end)
+
+    @property
+    def length(self) -> float:
+        """M."""
+        return float(np.linalg.norm(self.end - self.begin))
+
+    @property
+    def rotation(self) -> Array:
+        """A rotation (3, 3) that maps the z axis to the axis of the cylinder."""
+        return turn([0.0, 0.0, 1.0], self.end - self.begin)
+
+    @property
     def is_rotor(self) -> bool:
         """Whether it is a rotor. Rotors are in their order in the vehicle."""
         return self.radius >= ROTOR_RADIUS
+
+
+def turn(axis: ArrayLike, direction: Array) -> Array:
+    """The shortest rotation (3, 3) that maps a unit axis to a direction."""
+    begin, end = np.asarray(axis, dtype=float), direction / np.linalg.norm(direction)
+    across = np.cross(begin, end)
+    sine, cosine = float(np.linalg.norm(across)), float(begin @ end)
+    if sine < 1e-9:
+        # The same direction, or the opposite one: then 180 deg about any axis normal to it.
+        other = np.cross(begin, np.eye(3)[np.argmin(np.abs(begin))])
+        return np.eye(3) if cosine > 0.0 else so3.exp(np.pi * other / np.linalg.norm(other))
+    return so3.exp(np.arctan2(sine, cosine) * across / sine)
 
 
 def cylinders(vehicle: Vehicle) -> list[Cylinder]:
@@ -63,9 +91,13 @@ class Reach:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._vehicle = vehicle
+        self._weight = vehicle.mass * GRAVITY
         self._set = wrench_polytope(vehicle, fix=NO_TORQUE)
-        self._limits = vehicle.rotor_speed_limits
+        self._allocation = vehicle.allocation[:3]
+        self._lower, self._upper = _inputs(vehicle.rotor_speed_limits).T
+        axes = np.array([rotor["axis"] for rotor in vehicle.rotors])
+        # N/Hz^2, along each rotor's own axis.
+        self._along = np.sum(self._allocation.T * axes, axis=1)
         self.vertices = self._set.vertices
         self.faces = np.zeros((0, 3), dtype=np.uint32)
         if self._set.dimension == 3:
@@ -75,7 +107,7 @@ class Reach:
 
     def weight(self, rotation: Array) -> Array:
         """The force that carries the weight, N, R, at a rotation (3, 3) of the robot."""
-        return np.asarray(rotation.T @ np.array([0.0, 0.0, self._vehicle.mass * GRAVITY]))
+        return np.asarray(rotation.T @ np.array([0.0, 0.0, self._weight]))
 
     def margin(self, rotor_speeds: Array) -> float:
         """Distance of the rotors' force from the edge of the attainable forces, N; negative outside.
@@ -85,17 +117,17 @@ class Reach:
         """
         if self._set.dimension < 3:
             return float("inf")
-        inputs = rotor_speeds * np.abs(rotor_speeds)
-        return float(self._set.margin((self._vehicle.allocation @ inputs)[:3]))
+        return float(self._set.margin(self._allocation @ _inputs(rotor_speeds)))
 
     def loads(self, rotor_speeds: Array) -> Array:
         """Load of each rotor: 0 at its lower limit of thrust, 1 at the upper; (n,)."""
-        lower, upper = (self._limits * np.abs(self._limits)).T
-        inputs = rotor_speeds * np.abs(rotor_speeds)
-        return np.asarray((inputs - lower) / (upper - lower))
+        return np.asarray((_inputs(rotor_speeds) - self._lower) / (self._upper - self._lower))
 
     def thrusts(self, rotor_speeds: Array) -> Array:
         """Thrust of each rotor along its axis, N; (n,)."""
-        inputs = rotor_speeds * np.abs(rotor_speeds)
-        axes = np.array([rotor["axis"] for rotor in self._vehicle.rotors])
-        return np.asarray(np.sum(self._vehicle.allocation[:3].T * axes, axis=1) * inputs)
+        return np.asarray(self._along * _inputs(rotor_speeds))
+
+
+def _inputs(rotor_speeds: Array) -> Array:
+    """Rotor inputs, Hz^2, of speeds, Hz."""
+    return rotor_speeds * np.abs(rotor_speeds)

@@ -126,21 +126,14 @@ def _arrow(begin: Array, along: Array) -> Points:
 
 def _add(scene: viser.SceneApi, name: str, shape: Cylinder) -> viser.CylinderHandle:
     """Adds a cylinder; its own axis is z."""
-    axis = shape.end - shape.begin
-    length = float(np.linalg.norm(axis))
-    z = axis / length
-    # Any two directions normal to the axis.
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
-    x /= np.linalg.norm(x)
-    turned = np.column_stack([x, np.cross(z, x), z])
     return scene.add_cylinder(
         name,
         radius=shape.radius,
-        height=length,
+        height=shape.length,
         color=shape.colour,
         opacity=shape.opacity if shape.opacity < 1.0 else None,
         # Shadows of transparent bodies would be dotted.
         cast_shadow=shape.opacity == 1.0,
-        position=0.5 * (shape.begin + shape.end),
-        wxyz=wxyz(turned),
+        position=shape.centre,
+        wxyz=wxyz(shape.rotation),
     )
