@@ -9,14 +9,12 @@ from functools import partial
 from typing import Any
 
 from tilthex import _control
-from tilthex.client import HEARTBEAT, Flight, OrderRefused
+from tilthex.client import HEARTBEAT, Flight
 from tilthex.ros2.poses import PoseSender
 from tilthex.ros2.pulse import Pulse
 
 USAGE, LINK, INTERRUPTED = 2, 3, 130
 """Exit status: wrong usage or configuration; the connection broke; interrupted. As of the Rust programs."""
-ANSWER = 2.0
-"""Longest wait for an answer of the flight, s."""
 AGAIN = 0.2
 """Between two looks for the flight, s."""
 
@@ -37,7 +35,7 @@ def main() -> int:
     pulse = Pulse()
     try:
         connect = _control.connector(arguments.control, arguments.control_token_file)
-        connection = partial(connect, timeout=ANSWER, present=pulse)
+        connection = partial(connect, present=pulse)
         sender = PoseSender(arguments.pose_to, arguments.pose_body) if arguments.pose_topic else None
     except (ValueError, OSError) as error:
         return _failed(str(error), USAGE)
@@ -50,7 +48,7 @@ def main() -> int:
         if sender is not None:
             _forward_poses(node, arguments.pose_topic, sender)
         return _run(node, executor, connection, arguments.rate)
-    except (OrderRefused, ValueError) as error:
+    except ValueError as error:
         return _failed(str(error), USAGE)
     except OSError as error:
         return _failed(f"the connection to the flight broke: {error}", LINK)

@@ -8,7 +8,7 @@ from typing import Any
 from rclpy.task import Future
 
 from tilthex._core import Config
-from tilthex.client import Flight, OrderRefused
+from tilthex.client import Flight
 from tilthex.ros2 import parameters
 from tilthex.ros2.inputs import Inputs
 from tilthex.ros2.outputs import Outputs
@@ -117,7 +117,7 @@ class Bridge:
         try:
             if wanted:
                 self._pilot.set_admittance(**parameters.admittance(wanted))
-        except (OrderRefused, ValueError, TypeError) as error:
+        except (ValueError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         except OSError as error:
             self._broken(error)

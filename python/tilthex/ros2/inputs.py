@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from tilthex.client import Flight, OrderRefused
+from tilthex.client import Flight
 from tilthex.ros2 import orders
 from tilthex.ros2.types import message
 
@@ -69,7 +69,7 @@ class Inputs:
         """Gives an order; why it is not obeyed, if it is not."""
         try:
             order()
-        except (OrderRefused, ValueError) as error:
+        except ValueError as error:
             return str(error)
         except OSError as error:
             self._broken(error)
