@@ -308,15 +308,16 @@ class Flight:
     def _order(self, command: str, **arguments: Any) -> dict[str, Any]:
         self._id += 1
         self._send({"id": self._id, "command": command, **arguments})
+        reason = "the flight has ended"
         while True:
             message = self._read()
             if message is None:
-                raise ConnectionError("the flight has ended")
+                raise ConnectionError(reason)
             if message.get("id") == self._id:
                 break
-            if message.get("id") is None and "error" in message:
-                # This is not about one order: the flight ends the connection.
-                raise ConnectionError(message["error"])
+            if message.get("id") is None:
+                # An error that is not about one order; the flight may end the connection after it.
+                reason = message.get("error", reason)
             if message.get("state") is not None:
                 self._states.append(cast(State, _arrays(message["state"])))
         if "error" in message:

@@ -24,11 +24,11 @@ class Inputs:
     Args:
         node: The node.
         pilot: The connection that gives the orders.
-        broken: Called with the error of a connection that has ended.
+        lose: Called with the error of a connection that has ended.
     """
 
-    def __init__(self, node: Any, pilot: Flight, broken: Callable[[OSError], None]) -> None:
-        self._node, self._pilot, self._broken = node, pilot, broken
+    def __init__(self, node: Any, pilot: Flight, lose: Callable[[OSError], None]) -> None:
+        self._node, self._pilot, self._lose = node, pilot, lose
         self._said: dict[str, tuple[str, float]] = {}
         self.setpoints = 0
         self.refused = 0
@@ -72,7 +72,7 @@ class Inputs:
         except ValueError as error:
             return str(error)
         except OSError as error:
-            self._broken(error)
+            self._lose(error)
             return f"the connection to the flight has ended ({error})"
         return None
 
