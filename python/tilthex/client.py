@@ -278,7 +278,7 @@ class Flight:
         return cast(State, _arrays(state))
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
-        """Yields states, `rate` times a second (0.1 to 100), until the flight ends.
+        """Yields states, `rate` times a second (0.1 to 100), until the flight or this connection ends.
 
         Orders may be given between two states.
 
@@ -342,12 +342,17 @@ class Flight:
 
     def _read(self, later: float = 0.0) -> dict[str, Any] | None:
         """The next message, None at the end; `later`: time after which it is due, s."""
-        if self._timeout is not None:
-            self._socket.settimeout(self._timeout + later)
         try:
+            if self._timeout is not None:
+                self._socket.settimeout(self._timeout + later)
             line = self._lines.readline()
         except ConnectionResetError:
             return None
+        except (OSError, ValueError):
+            # Another thread has closed this connection.
+            if self._closed.is_set():
+                return None
+            raise
         # A flight that ends may break off in the middle of a line.
         message: dict[str, Any] | None = json.loads(line) if line.endswith("\n") else None
         return message
