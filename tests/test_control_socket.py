@@ -109,6 +109,37 @@ def test_one_flight_and_everybody_who_is_in_its_way(tmp_path):
     assert "bit for bit" in replayed.stdout
 
 
+def test_a_client_waits_for_slow_states_and_keeps_its_connection():
+    with started("--sim", "--control", "127.0.0.1:0") as process:
+        port = control_port(process)
+        # A state a second comes later than an answer may.
+        with tilthex.connect(port=port, timeout=0.5) as flight:
+            ticks = [state["tick"] for state, _ in zip(flight.states(rate=1.0), range(2), strict=False)]
+            assert ticks[0] < ticks[1]
+            with pytest.raises(ValueError, match="rate is 0; expected"):
+                next(flight.states(rate=0))
+            with pytest.raises(ValueError, match="stiffness is nan; expected finite"):
+                flight.set_admittance(stiffness=np.nan)
+            # The flight would end the connection of who sends so long a line.
+            with pytest.raises(ValueError, match=r"play has \d+ bytes; expected at most 65536"):
+                flight.play([{"position": [0.0, 0.0, 1.0], "rotation": HOLD}] * 1000)
+            assert flight.state()["phase"] == "disarmed"
+        # What the flight says before it ends a connection is the error.
+        clients = [tilthex.connect(port=port, present=lambda: False) for _ in range(2)]
+        clients[0]._socket.sendall(b"GET / HTTP/1.1\r\n")
+        with pytest.raises(ConnectionError, match="not a JSON object"):
+            clients[0].state()
+        # A thread that waits for a state does not delay the end of its client.
+        states = clients[1].states(rate=0.1)
+        next(states)
+        waiting = threading.Thread(target=lambda: list(states))
+        waiting.start()
+        for client in clients:
+            client.close()
+        waiting.join(5.0)
+        assert not waiting.is_alive()
+
+
 def test_a_unix_socket_and_a_token(tmp_path):
     token, path = tmp_path / "token", tmp_path / "control"
     token.write_text("correct horse battery staple\n")

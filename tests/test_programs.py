@@ -41,20 +41,30 @@ def run(*arguments, name="tilthex-rt", **options):
 
 
 @contextlib.contextmanager
-def started(*arguments, name="tilthex-rt", **options):
+def running(*command, stderr=subprocess.PIPE, **options):
+    """A process, which is killed at the end. Pytest shows what it printed if the test fails."""
     process = subprocess.Popen(
-        [program(name), *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        **options,
+        list(map(str, command)), stdout=subprocess.PIPE, stderr=stderr, text=True, **options
     )
     try:
         yield process
     finally:
         if process.poll() is None:
             process.kill()
-        process.communicate()
+        print(process.communicate()[0])
+
+
+def started(*arguments, name="tilthex-rt", **options):
+    return running(program(name), *arguments, **options)
+
+
+def until(done, found_instead=str, patience=60.0):
+    """Waits until `done` returns something true, and returns it."""
+    end = time.monotonic() + patience
+    while not (found := done()):
+        assert time.monotonic() < end, f"it did not come: {found_instead()}"
+        time.sleep(0.02)
+    return found
 
 
 @contextlib.contextmanager

@@ -30,6 +30,7 @@ GOOD = [
     {"command": "set_admittance", "stiffness": [6, 6, 6, 10, 10, 5], "max_translation": 0.5},
     {"command": "zero_bias"},
     {"command": "release_wrench"},
+    {"command": "configuration"},
 ]
 MALFORMED = ("invalid type", "invalid length", "missing field", "unknown field", "expected", "unknown key")
 WRONG = (None, "1", True, [], [1, 2], {}, {"x": 1}, [["a"]], 7)

@@ -179,6 +179,19 @@ def test_a_pose_is_sent_as_the_example_sends_it(rotation, position, sec):
             assert np.allclose(np.frombuffer(packet, "<f8", 4, 48), row["orientation"], atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("to", "body", "says"),
+    [
+        ("127.0.0.1:x", "hex", "the port of 127.0.0.1:x is not a number up to 65535"),
+        ("127.0.0.1:65536", "hex", "the port of 127.0.0.1:65536 is not a number up to 65535"),
+        ("127.0.0.1", "", "the body's name has 0 bytes; expected 1 to 64"),
+    ],
+)
+def test_where_poses_cannot_go_is_said(to, body, says):
+    with pytest.raises(ValueError, match=re.escape(says)):
+        PoseSender(to, body)
+
+
 @given(beats=st.lists(st.floats(0.0, 1.0), min_size=1))
 def test_the_operator_is_there_while_the_executor_turns(beats):
     at = [0.0]

@@ -4,6 +4,7 @@ import contextlib
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -12,11 +13,12 @@ import time
 import numpy as np
 import pytest
 import tilthex
-from test_programs import control_port, started
+from test_programs import control_port, running, started, until
 from test_ros2 import SECOND
 from test_send_pose import capture_line, port  # noqa: F401
 from tilthex import log
 from tilthex._quaternions import rotations_from_quaternions
+from tilthex.ros2.clock import timer
 
 # What warns is a parser that ROS brings.
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")]
@@ -92,30 +94,8 @@ class Peer:
 EVERY_STATE = ("odom", "imu", "joint_states", "tool_wrench")
 
 
-def until(done, found_instead=str):
-    end = time.monotonic() + 40.0
-    while time.monotonic() < end:
-        if found := done():
-            return found
-        time.sleep(0.01)
-    raise AssertionError(f"it did not come: {found_instead()}")
-
-
-@contextlib.contextmanager
 def bridge(*arguments):
-    process = subprocess.Popen(
-        [sys.executable, "-m", "tilthex.ros2", *arguments],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-    try:
-        yield process
-    finally:
-        if process.poll() is None:
-            process.kill()
-        # What it said stands with a test that fails.
-        print(process.communicate()[0])
+    return running(sys.executable, "-m", "tilthex.ros2", *arguments, stderr=subprocess.STDOUT)
 
 
 def stamp(message):
@@ -252,6 +232,8 @@ def test_a_flight_is_flown_from_ros(ros, tmp_path):
             bridging.send_signal(signal.SIGCONT)
             diagnosed(phase="flying", faults="")
 
+            # Set-points that come after the end of the flight do not make it a broken connection.
+            peer.node.create_timer(0.01, lambda: follow(0.0))
             assert peer.trigger("kill").success
             assert process.wait(20) == 4
             said, _ = bridging.communicate(timeout=20)
@@ -318,31 +300,74 @@ def check_axes(heard, topics):
 
 def test_a_pose_topic_is_motion_capture(ros, port, tmp_path):  # noqa: F811
     from geometry_msgs.msg import PoseStamped
+    from nav_msgs.msg import Odometry
 
-    with Peer(ros) as peer, bridge("--pose-topic", "vrpn/hex", "--pose-to", f"127.0.0.1:{port}") as bridging:
-        poses = peer.node.create_publisher(PoseStamped, "vrpn/hex", 10)
+    address = f"unix:{tmp_path / 'flight'}"
+    poses = ["--pose-topic", "vrpn/hex", "--pose-to", f"127.0.0.1:{port}"]
+    # The clock of ROS stands still: what the bridge does in time does not depend on it.
+    clock = ["--ros-args", "-p", "use_sim_time:=true"]
+    with Peer(ros) as peer, bridge("--control", address, *poses, *clock) as bridging:
+        publisher = peer.node.create_publisher(PoseStamped, "vrpn/hex", 10)
+        peer.hear("odom", Odometry)
 
         def publish():
             pose = PoseStamped()
             pose.header.stamp = peer.node.get_clock().now().to_msg()
             pose.pose.position.z = 0.1
-            poses.publish(pose)
+            publisher.publish(pose)
 
         peer.node.create_timer(0.01, publish)
-        until(poses.get_subscription_count)
-        assert "poses a second" in capture_line(port, "hex", tmp_path)
-        # It waits for a flight until it is told to end.
-        bridging.send_signal(signal.SIGINT)
-        said, _ = bridging.communicate(timeout=20)
+        # It forwards poses while it waits for a flight.
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+            listener.bind(("127.0.0.1", port))
+            listener.settimeout(40)
+            assert listener.recv(200).startswith(b"tilthex1")
+        with started("--sim", "--control", address) as flying:
+            until(lambda: peer.heard["odom"])
+            # The flight hangs: it may still need poses.
+            flying.send_signal(signal.SIGSTOP)
+            said = ""
+            while "poses are still forwarded" not in said:
+                said += bridging.stdout.readline()
+            assert "poses a second" in capture_line(port, "hex", tmp_path)
+            bridging.send_signal(signal.SIGINT)
+            said += bridging.communicate(timeout=20)[0]
     assert bridging.returncode == 130
-    assert "no flight takes orders at 127.0.0.1:7410" in said and "waiting for it" in said
+    assert f"no flight takes orders at {address}" in said and "waiting for it" in said
+    assert "the connection to the flight broke: timed out" in said and "Traceback" not in said
+
+
+def test_a_flight_is_bridged_until_the_bridge_is_told_to_end(ros, tmp_path):
+    from nav_msgs.msg import Odometry
+
+    address = f"unix:{tmp_path / 'flight'}"
+    with started("--sim", "--control", address) as flying, Peer(ros) as peer:
+        peer.hear("odom", Odometry)
+        with bridge("--control", address, "--rate", "0.4") as bridging:
+            # The second one comes later than an answer may.
+            until(lambda: len(peer.heard["odom"]) > 1)
+            bridging.send_signal(signal.SIGINT)
+            said, _ = bridging.communicate(timeout=20)
+        assert bridging.returncode == 130 and "Traceback" not in said
+        assert flying.poll() is None
+
+
+def test_timers_run_while_the_clock_of_ros_stands_still(ros):
+    node = ros.create_node("still", parameter_overrides=[ros.parameter.Parameter("use_sim_time", value=True)])
+    called = ros.task.Future()
+    timer(node, 0.01, lambda: called.set_result(True))
+    executor = ros.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    executor.spin_until_future_complete(called, timeout_sec=20)
+    assert node.get_clock().now().nanoseconds == 0 and called.done()
+    node.destroy_node()
 
 
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["--control", "here"], "expected HOST:PORT or unix:PATH"),
-        (["--pose-topic", "poses", "--pose-to", "127.0.0.1:x"], "the port of 127.0.0.1:x is no number"),
+        (["--pose-topic", "poses", "--pose-to", "127.0.0.1:x"], "the port of 127.0.0.1:x is not a number"),
         (["--control-token-file", "/no/such"], "/no/such"),
     ],
 )

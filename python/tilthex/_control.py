@@ -38,6 +38,6 @@ def connector(address: str, token_file: Path | None) -> Callable[..., Flight]:
         return partial(connect, path=path, token=token)
     host, _, port = address.rpartition(":")
     host = host.strip("[]")
-    if not host or not port.isdecimal():
+    if not host or not port.isdecimal() or int(port) > 65535:
         raise ValueError(f"--control is {address!r}; expected HOST:PORT or unix:PATH")
     return partial(connect, host, int(port), token=token)

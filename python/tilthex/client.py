@@ -27,6 +27,8 @@ from numpy.typing import ArrayLike
 from tilthex._logged import State
 
 DEFAULT_PORT = 7410
+# The flight ends the connection of a client that sends a longer line, bytes.
+LONGEST_ORDER = 64 * 1024
 # The flight holds if it has not heard from its operator for `[supervisor] operator_timeout`, s.
 HEARTBEAT = 0.2
 
@@ -93,6 +95,7 @@ class Flight:
         present: Callable[[], bool] | None = None,
     ) -> None:
         self._socket = connection
+        self._timeout = connection.gettimeout()
         self._present = present
         self._lines = connection.makefile("r", encoding="utf-8", newline="\n")
         self._states: deque[State] = deque(maxlen=1000)
@@ -116,6 +119,9 @@ class Flight:
     def close(self) -> None:
         """Ends the connection. A flight that this client has ordered to move holds, and lands later."""
         self._closed.set()
+        # A thread that waits for a state returns; the other end may have closed the connection already.
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
         self._lines.close()
         self._socket.close()
 
@@ -201,7 +207,11 @@ class Flight:
             **parameters: The keys that docs/configuration.md marks with `set_admittance`, in its units.
                 For example `stiffness`: six numbers of a diagonal, or (6, 6).
         """
-        self._order("set_admittance", **{k: np.asarray(v, float).tolist() for k, v in parameters.items()})
+        numbers = {name: np.asarray(value, float) for name, value in parameters.items()}
+        for name, value in numbers.items():
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} is {value.tolist()}; expected finite numbers")
+        self._order("set_admittance", **{name: value.tolist() for name, value in numbers.items()})
 
     def set_wrench(
         self,
@@ -268,16 +278,21 @@ class Flight:
         return cast(State, _arrays(state))
 
     def states(self, rate: float = 50.0) -> Iterator[State]:
-        """Yields states, `rate` times a second (0.1 to 100), until the flight ends.
+        """Yields states, `rate` times a second (0.1 to 100), until the flight or this connection ends.
 
         Orders may be given between two states.
+
+        Raises:
+            ValueError: The rate is not in its range.
         """
+        if not rate > 0.0:
+            raise ValueError(f"rate is {rate}; expected 0.1 to 100 Hz")
         self._order("stream", rate=rate)
         try:
             while True:
                 while self._states:
                     yield self._states.popleft()
-                message = self._read()
+                message = self._read(1.0 / rate)
                 if message is None:
                     return
                 if message.get("state") is not None:
@@ -293,12 +308,16 @@ class Flight:
     def _order(self, command: str, **arguments: Any) -> dict[str, Any]:
         self._id += 1
         self._send({"id": self._id, "command": command, **arguments})
+        reason = "the flight has ended"
         while True:
             message = self._read()
             if message is None:
-                raise ConnectionError("the flight has ended")
+                raise ConnectionError(reason)
             if message.get("id") == self._id:
                 break
+            if message.get("id") is None:
+                # An error that is not about one order; the flight may end the connection after it.
+                reason = message.get("error", reason)
             if message.get("state") is not None:
                 self._states.append(cast(State, _arrays(message["state"])))
         if "error" in message:
@@ -307,6 +326,10 @@ class Flight:
 
     def _send(self, request: dict[str, Any]) -> None:
         line = json.dumps(request, allow_nan=False).encode() + b"\n"
+        if len(line) > LONGEST_ORDER:
+            raise ValueError(
+                f"the order {request['command']} has {len(line)} bytes; expected at most {LONGEST_ORDER}"
+            )
         with self._sending:
             self._socket.sendall(line)
 
@@ -317,11 +340,19 @@ class Flight:
                 if self._present is None or self._present():
                     self._send({"command": "heartbeat"})
 
-    def _read(self) -> dict[str, Any] | None:
+    def _read(self, later: float = 0.0) -> dict[str, Any] | None:
+        """The next message, None at the end; `later`: time after which it is due, s."""
         try:
+            if self._timeout is not None:
+                self._socket.settimeout(self._timeout + later)
             line = self._lines.readline()
         except ConnectionResetError:
             return None
+        except (OSError, ValueError):
+            # Another thread has closed this connection.
+            if self._closed.is_set():
+                return None
+            raise
         # A flight that ends may break off in the middle of a line.
         message: dict[str, Any] | None = json.loads(line) if line.endswith("\n") else None
         return message

@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
 
 from tilthex import _control
-from tilthex.client import HEARTBEAT, Flight, OrderRefused
+from tilthex.client import HEARTBEAT, Flight
+from tilthex.ros2.clock import timer
 from tilthex.ros2.poses import PoseSender
 from tilthex.ros2.pulse import Pulse
 
 USAGE, LINK, INTERRUPTED = 2, 3, 130
 """Exit status: wrong usage or configuration; the connection broke; interrupted. As of the Rust programs."""
-ANSWER = 2.0
-"""Longest wait for an answer of the flight, s."""
 AGAIN = 0.2
 """Between two looks for the flight, s."""
 
@@ -37,7 +37,7 @@ def main() -> int:
     pulse = Pulse()
     try:
         connect = _control.connector(arguments.control, arguments.control_token_file)
-        connection = partial(connect, timeout=ANSWER, present=pulse)
+        connection = partial(connect, present=pulse)
         sender = PoseSender(arguments.pose_to, arguments.pose_body) if arguments.pose_topic else None
     except (ValueError, OSError) as error:
         return _failed(str(error), USAGE)
@@ -45,15 +45,15 @@ def main() -> int:
     node = rclpy.create_node("tilthex")
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    node.create_timer(HEARTBEAT, pulse.beat)
+    timer(node, HEARTBEAT, pulse.beat)
     try:
         if sender is not None:
             _forward_poses(node, arguments.pose_topic, sender)
-        return _run(node, executor, connection, arguments.rate)
-    except (OrderRefused, ValueError) as error:
-        return _failed(str(error), USAGE)
-    except OSError as error:
-        return _failed(f"the connection to the flight broke: {error}", LINK)
+        status = _run(node, executor, connection, arguments.rate)
+        if status == LINK and sender is not None:
+            node.get_logger().warning("poses are still forwarded, because the vehicle needs them to land")
+            executor.spin()
+        return status
     except (KeyboardInterrupt, ExternalShutdownException):
         return INTERRUPTED
     finally:
@@ -66,18 +66,24 @@ def _failed(sentence: str, status: int) -> int:
 
 
 def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float) -> int:
+    """Waits for a flight and bridges it; the exit status."""
     from tilthex.ros2.bridge import Bridge
 
-    pilot = _wait(node, executor, connection)
-    if pilot is None:
-        return INTERRUPTED
-    with pilot, connection() as watcher:
-        bridge = Bridge(node, pilot, watcher, rate)
-        node.get_logger().info("bridges the flight")
-        executor.spin_until_future_complete(bridge.ended)
-        if not bridge.ended.done():
+    try:
+        pilot = _wait(node, executor, connection)
+        if pilot is None:
             return INTERRUPTED
-        bridge.ended.result()
+        with pilot, connection() as watcher:
+            bridge = Bridge(node, pilot, watcher, rate)
+            node.get_logger().info("bridges the flight")
+            executor.spin_until_future_complete(bridge.ended)
+            if not bridge.ended.done():
+                return INTERRUPTED
+            bridge.ended.result()
+    except ValueError as error:
+        return _failed(str(error), USAGE)
+    except OSError as error:
+        return _failed(f"the connection to the flight broke: {error}", LINK)
     done = ", ".join(f"{count} {what}" for what, count in bridge.counts().items())
     node.get_logger().info(f"the flight has ended: {done}")
     return 0
@@ -93,8 +99,8 @@ def _wait(node: Any, executor: Any, connection: Callable[[], Flight]) -> Flight 
             if not told:
                 node.get_logger().info(f"{error}; waiting for it")
                 told = True
-        deadline = node.get_clock().now().nanoseconds + AGAIN * 1e9
-        while node.context.ok() and node.get_clock().now().nanoseconds < deadline:
+        again = time.monotonic() + AGAIN
+        while node.context.ok() and time.monotonic() < again:
             executor.spin_once(timeout_sec=AGAIN)
     return None
 
@@ -107,7 +113,8 @@ def _forward_poses(node: Any, topic: str, sender: PoseSender) -> None:
     def forward(received: Any) -> None:
         try:
             sender.send(received, node.get_clock().now().nanoseconds)
-        except ValueError as error:
+        # A network that fails for a moment must not end the bridge.
+        except (ValueError, OSError) as error:
             node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     node.create_subscription(

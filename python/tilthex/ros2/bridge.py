@@ -8,14 +8,17 @@ from typing import Any
 from rclpy.task import Future
 
 from tilthex._core import Config
-from tilthex.client import Flight, OrderRefused
+from tilthex.client import Flight
 from tilthex.ros2 import parameters
+from tilthex.ros2.clock import timer
 from tilthex.ros2.inputs import Inputs
 from tilthex.ros2.outputs import Outputs
 from tilthex.ros2.parameters import Parameter
 
 REFRESH = 1.0
 """Between two looks at the configuration, s: other clients change it too."""
+GRACE = 3.0
+"""Longest time from the end of the orders to that of the states, if the flight has ended, s."""
 
 
 class Bridge:
@@ -38,8 +41,9 @@ class Bridge:
         self._parameters = parameters.parameters(text)
         self._declare()
         self._outputs = Outputs(node, Config.from_text(text).vehicle)
-        self._inputs = Inputs(node, pilot, self._broken)
-        node.create_timer(REFRESH, self._look)
+        self._lost: Any = None
+        self._inputs = Inputs(node, pilot, self._lose)
+        timer(node, REFRESH, self._look)
         threading.Thread(target=self._watch, name="tilthex-states", daemon=True).start()
 
     def counts(self) -> dict[str, int]:
@@ -59,22 +63,28 @@ class Bridge:
             self._outputs.finish()
             if not self.ended.done():
                 self.ended.set_result(None)
-        # Whatever it is, a bridge without states must not go on as the operator.
+        # A bridge that publishes no states must not go on as the operator, whatever the error is.
         except Exception as error:
-            self._broken(error)
+            self._fail(error)
 
-    def _broken(self, error: Exception) -> None:
+    def _fail(self, error: Exception) -> None:
         if not self.ended.done():
             self.ended.set_exception(error)
+
+    def _lose(self, error: OSError) -> None:
+        """The connection for orders is broken, and the bridge is no longer the operator.
+
+        If this is the end of the flight, the end of the states decides.
+        """
+        self._pilot.close()
+        if self._lost is None:
+            self._lost = timer(self._node, GRACE, lambda: self._fail(error))
 
     def _look(self) -> None:
         try:
             self._refresh()
-        except ConnectionError:
-            # Where the flight has ended, its states say so.
-            return
         except OSError as error:
-            self._broken(error)
+            self._lose(error)
 
     def _declare(self) -> None:
         """Every key as a parameter.
@@ -117,10 +127,10 @@ class Bridge:
         try:
             if wanted:
                 self._pilot.set_admittance(**parameters.admittance(wanted))
-        except (OrderRefused, ValueError, TypeError) as error:
+        except (ValueError, TypeError) as error:
             return SetParametersResult(successful=False, reason=str(error))
         except OSError as error:
-            self._broken(error)
+            self._lose(error)
             return SetParametersResult(successful=False, reason=f"the flight has ended ({error})")
         self._take(wanted)
         return SetParametersResult(successful=True)

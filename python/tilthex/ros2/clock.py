@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 DRIFT = 1e-4
 """Fastest that the two clocks part, s/s; far more than the crystals of computers do."""
 JUMP = 1_000_000_000
@@ -30,3 +33,10 @@ class FlightClock:
         self._time = time
         self._last = max(round(time * 1e9) + self._offset, self._last + 1)
         return self._last
+
+
+def timer(node: Any, period: float, call: Callable[[], object]) -> Any:
+    """A timer of a node, period in s, on the steady clock: the clock of ROS may be set, or stand still."""
+    from rclpy.clock import Clock, ClockType
+
+    return node.create_timer(period, call, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from tilthex.client import Flight, OrderRefused
+from tilthex.client import Flight
 from tilthex.ros2 import orders
 from tilthex.ros2.types import message
 
@@ -24,11 +24,11 @@ class Inputs:
     Args:
         node: The node.
         pilot: The connection that gives the orders.
-        broken: Called with the error of a connection that has ended.
+        lose: Called with the error of a connection that has ended.
     """
 
-    def __init__(self, node: Any, pilot: Flight, broken: Callable[[OSError], None]) -> None:
-        self._node, self._pilot, self._broken = node, pilot, broken
+    def __init__(self, node: Any, pilot: Flight, lose: Callable[[OSError], None]) -> None:
+        self._node, self._pilot, self._lose = node, pilot, lose
         self._said: dict[str, tuple[str, float]] = {}
         self.setpoints = 0
         self.refused = 0
@@ -69,10 +69,10 @@ class Inputs:
         """Gives an order; why it is not obeyed, if it is not."""
         try:
             order()
-        except (OrderRefused, ValueError) as error:
+        except ValueError as error:
             return str(error)
         except OSError as error:
-            self._broken(error)
+            self._lose(error)
             return f"the connection to the flight has ended ({error})"
         return None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -20,8 +21,8 @@ DEPTH = 100
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 LAST = Duration(seconds=0.2)
 """Longest wait at the end for a subscriber that has not everything yet."""
-DIAGNOSTICS_PERIOD = 1_000_000_000
-"""Between two diagnostics where nothing changes, ns."""
+DIAGNOSTICS_PERIOD = 1.0
+"""Between two diagnostics where nothing changes, s."""
 
 
 class Outputs:
@@ -32,7 +33,7 @@ class Outputs:
         self._clock = FlightClock()
         self._types = RosTypes()
         self._diagnosed: tuple[int, str] | None = None
-        self._diagnosed_at = 0
+        self._diagnosed_at = 0.0
         messages = RosMessages(self._types)
         transforms = self._has_transforms()
         self._topics: list[tuple[Any, str, Callable[[int, Row], Any]]] = [
@@ -50,26 +51,25 @@ class Outputs:
 
     def publish(self, state: State, counts: Mapping[str, int]) -> None:
         """Publishes a state that has just come; `counts`: what the bridge counts."""
-        now = self._now()
-        stamp = self._clock.stamp(state["time"] or 0.0, now)
+        stamp = self._clock.stamp(state["time"] or 0.0, self._now())
         found = rows(state)
         for publisher, source, make in self._topics:
             publisher.publish(make(stamp, found[source]))
-        self._diagnose(state, stamp, now, counts)
+        self._diagnose(state, stamp, counts)
 
     def finish(self) -> None:
         """Waits until every subscriber that answers has everything."""
-        for publisher, *_ in self._topics:
+        for publisher in (*(publisher for publisher, *_ in self._topics), self._diagnostics):
             publisher.wait_for_all_acked(LAST)
 
-    def _diagnose(self, state: State, stamp: int, now: int, counts: Mapping[str, int]) -> None:
-        said = (diagnostics.level(state), diagnostics.message(state))
-        if said == self._diagnosed and 0 <= now - self._diagnosed_at < DIAGNOSTICS_PERIOD:
+    def _diagnose(self, state: State, stamp: int, counts: Mapping[str, int]) -> None:
+        said, now = (diagnostics.level(state), diagnostics.message(state)), time.monotonic()
+        if said == self._diagnosed and now - self._diagnosed_at < DIAGNOSTICS_PERIOD:
             return
         self._diagnosed, self._diagnosed_at = said, now
         make = self._make
-        time = make("builtin_interfaces/msg/Time", *divmod(stamp, 1_000_000_000))
-        header = make("std_msgs/msg/Header", time, "")
+        at = make("builtin_interfaces/msg/Time", *divmod(stamp, 1_000_000_000))
+        header = make("std_msgs/msg/Header", at, "")
         listed = [diagnostics.status(make, state, counts)]
         self._diagnostics.publish(make("diagnostic_msgs/msg/DiagnosticArray", header, listed))
 

@@ -33,13 +33,16 @@ class PoseSender:
 
     def __init__(self, to: str, body: str) -> None:
         host, _, port = to.partition(":")
-        if not port.isdecimal() and port:
-            raise ValueError(f"the port of {to} is no number; expected HOST or HOST:PORT")
+        if port and not (port.isdecimal() and int(port) <= 65535):
+            raise ValueError(f"the port of {to} is not a number up to 65535; expected HOST or HOST:PORT")
         self._body = body.encode()
         if not 1 <= len(self._body) <= LONGEST_NAME:
             raise ValueError(f"the body's name has {len(self._body)} bytes; expected 1 to {LONGEST_NAME}")
         self._line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._line.connect((host, int(port or PORT)))
+        try:
+            self._line.connect((host, int(port or PORT)))
+        except OSError as error:
+            raise OSError(f"poses cannot be sent to {host} ({error}); expected HOST or HOST:PORT") from error
         self._number = 0
 
     def send(self, message: Any, now: int) -> None:
