@@ -11,7 +11,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
 
-from tilthex.experiments import peg_in_hole, spec
+from tilthex import __main__ as command
+from tilthex.experiments import flight, peg_in_hole, spec
 from tilthex.experiments.flight import fly
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.record import Record
@@ -54,6 +55,19 @@ def test_the_command_writes_a_report(tmp_path: Path) -> None:
     # Progress is for a terminal.
     assert done.stderr == ""
     assert not [path for path in tmp_path.iterdir() if set(path.name) & set(" =()&;")]
+
+
+@pytest.mark.parametrize("name", spec.built_in())
+def test_a_flight_that_is_thrown_away_falls_short(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(flight, "FAR", 1e-9)
+    command.main(["experiment", name, "--short", "--out", str(tmp_path)])
+    shown = capsys.readouterr()
+    table = [line for line in shown.out.splitlines() if "flown to its end" in line]
+    assert len(table) == len(spec.load(name, short=True).runs) and not shown.err
+    assert all(line.startswith("FALLS SHORT") and "thrown" in line for line in table)
+    assert (tmp_path / f"{name}.html").exists()
 
 
 @pytest.mark.parametrize(

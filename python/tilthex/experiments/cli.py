@@ -127,11 +127,13 @@ def changes(arguments: argparse.Namespace) -> dict[str, Any]:
 def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
     from tilthex.experiments import report
     from tilthex.experiments.found import judge_of
+    from tilthex.experiments.record import Check
 
     runs, judged = experiment.runs, judge_of(experiment)
     if arguments.case is not None:
         runs = (_draw_of(experiment)(runs[0], runs[0].seed, arguments.case),)
     flights, checks, notes = [], [], []
+    pictures: dict[str, Any] = {}
     arguments.out.mkdir(parents=True, exist_ok=True)
     # Two files with the same kind of experiment must not write the same files.
     page_name = Path(arguments.name).stem if arguments.name != "all" else experiment.kind
@@ -140,22 +142,28 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         stem = f"{page_name}-{report.slug(one.name)}"
         fly = _through_the_wire if arguments.wire else _in_this_process
         record, said = fly(one, arguments, stem)
-        flights.append((one, record))
-        checks += judged.checks(one, record)
+        # A flight that was thrown away, or that the supervisor held, is not the one that is judged.
+        if record.complete and not (arguments.wire and record.ended):
+            flights.append((one, record))
+            checks += judged.checks(one, record)
+        else:
+            checks.append(Check(f"{one.name}: flown to its end", "yes", "", f"no: {record.ended}", False))
+            pictures[one.name] = report.overview(record)
         record.save(arguments.out / f"{stem}.npz")
         notes.append("; ".join(filter(None, (f"{one.name}: {said}", one.truth_name(), record.ended))))
         if arguments.video:
             from tilthex.experiments.video import render
 
             render(one, record, arguments.out / f"{stem}.gif")
-    figures = judged.figures(flights)
+    if flights:
+        pictures |= judged.figures(flights)
     page = report.write(
         arguments.out,
         page_name,
         experiment.title + (", in real time through the wire" if arguments.wire else ""),
         experiment.about,
         checks,
-        figures,
+        pictures,
         "\n".join([experiment.text, *_truths(runs)]),
         _command(),
         notes,

@@ -39,7 +39,9 @@ class Record:
     phase: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     """The phase of every row, as an index into `phases`."""
     ended: str = ""
-    """Why the flight ended early; empty if it did not."""
+    """Why the flight ended early, or was not the planned one; empty if it was."""
+    complete: bool = True
+    """Whether the flight has all of its rows."""
     seconds: float = 0.0
     """Time that the computation took, s."""
 
@@ -72,6 +74,7 @@ class Record:
 
     def cut(self, length: int) -> None:
         """Keeps the first rows only."""
+        self.complete = False
         self.columns = {name: column[:length] for name, column in self.columns.items()}
 
     def during(self, *phases: str) -> NDArray[np.bool_]:
