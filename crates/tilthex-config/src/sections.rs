@@ -28,12 +28,13 @@ section! {
         accelerometer_scale: f64 = 0.0 => "m/s^2" from 0.0 to 1.0,
         /// One count of the gyroscope; 0 for the known value of the board.
         gyro_scale: f64 = 0.0 => "rad/s" from 0.0 to 1.0,
-        /// With "px4": the throttle (0 to 1) that turns a rotor at a speed is c0 + c1 x + c2 x^2, where x is the speed (Hz)
-        /// times throttle_voltage over the battery's voltage; all 0 where it is not known, and then nothing flies.
+        /// With "px4": c0, c1 and c2 of throttle = c0 + c1 x + c2 x^2. The throttle is from 0 to 1; x is the rotor's speed (Hz)
+        /// times throttle_voltage, divided by the battery's voltage. All 0: not known, and the vehicle cannot fly.
         throttle: Axes<3> = Axes([0.0; 3]) => "1, 1/Hz, 1/Hz^2",
-        /// The battery's voltage of the throttles; 0 where speeds do not depend on it (controllers that regulate the speed).
+        /// Battery voltage at which throttle was measured; 0 if the battery does not change the speed at a throttle (motor
+        /// controllers that regulate the speed). Then x is the speed.
         throttle_voltage: f64 = 0.0 => "V" from 0.0 to 1000.0,
-        /// How fast the measured speeds correct the throttles; 0 never.
+        /// Rate at which the measured speeds correct the throttles; 0 for no correction.
         throttle_correction: f64 = 2.0 => "1/s" from 0.0 to 20.0,
     }
 }

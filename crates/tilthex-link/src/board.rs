@@ -15,6 +15,17 @@ pub struct Measurements {
     pub rotor_speeds: RotorVector,
 }
 
+/// What a board notes of its conversation with the host.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Noted {
+    /// When the first of the motors that then all spun was ordered to start.
+    pub first_start: Option<Micros>,
+    /// Number of commands to all motors that were received.
+    pub commands_received: u64,
+    /// Number of inertial samples that were written.
+    pub samples_sent: u64,
+}
+
 /// The board's end of a link, for a simulated vehicle. It runs on the time that it is told.
 pub trait Board {
     /// Takes bytes from the host; answers go to `out`.
@@ -33,12 +44,6 @@ pub trait Board {
     /// Speeds that the motors drive their rotors to, Hz.
     fn commands(&self) -> RotorVector;
 
-    /// When the first of the motors that then all spun was ordered to start.
-    fn first_start(&self) -> Option<Micros>;
-
-    /// How many commands to all motors have come.
-    fn commands_received(&self) -> u64;
-
-    /// How many inertial samples were written.
-    fn samples_sent(&self) -> u64;
+    /// What it has noted of the conversation so far.
+    fn noted(&self) -> Noted;
 }

@@ -49,7 +49,7 @@ pub struct LinkParams {
     pub battery_period_us: u32,
     /// Units of the IMU's counts; `None` uses the known units of the board.
     pub scales: Option<tk3::ImuScales>,
-    /// Throttles for speeds, where the vehicle takes throttles.
+    /// Throttles for speeds, if the vehicle takes throttles.
     pub throttle: px4::ThrottleMap,
 }
 
@@ -99,7 +99,7 @@ pub trait VehicleLink {
     /// Writes the messages that end the conversation: the streams stop. It neither stops nor starts motors.
     fn part(&mut self, out: &mut Outgoing);
 
-    /// What keeps a vehicle that has answered from being ready, where the link knows it.
+    /// Why the link to a vehicle that has answered is not ready, if the link knows it.
     fn complaint(&self) -> Option<px4::Complaint> {
         None
     }

@@ -6,8 +6,8 @@ use tilthex_core::{
     flight::{MotorCommand, Telemetry},
 };
 
-/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", "what a vehicle does that
-/// hears nothing more", host type`.
+/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", "what a vehicle does in
+/// flight when no messages arrive any more", host type`.
 macro_rules! links {
     ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $alone:literal, $host:ty;)+) => {
         /// The link that a vehicle speaks.
@@ -36,7 +36,7 @@ macro_rules! links {
                 }
             }
 
-            /// What its vehicle does in flight when it hears nothing more, in words.
+            /// What its vehicle does in flight when no messages arrive any more, in words.
             #[must_use]
             pub const fn alone(self) -> &'static str {
                 match self {
@@ -102,5 +102,5 @@ links! {
         "falls back to its lowest speeds after 0.5 s and stops its motors 10 s later", crate::tk3::Host;
     /// PX4 over uXRCE-DDS.
     Px4 => "px4", "a PX4 whose uxrce_dds_client is started for this line",
-        "takes PX4's failsafe for the loss of the offboard mode (COM_OF_LOSS_T, COM_OBL_RC_ACT)", crate::px4::Host;
+        "executes PX4's failsafe for the loss of the offboard mode (COM_OF_LOSS_T, COM_OBL_RC_ACT)", crate::px4::Host;
 }

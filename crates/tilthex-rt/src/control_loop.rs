@@ -65,7 +65,7 @@ pub enum End {
         pose_seen: bool,
         /// Whether the vehicle answered and streamed.
         link_ready: bool,
-        /// What the link misses.
+        /// Why the link is not ready, where it knows.
         complaint: Option<Complaint>,
     },
 }
@@ -170,7 +170,8 @@ impl ControlLoop {
         memory.timing.compute = written - memory.last_woke;
         memory.timing.imu_to_command = if memory.due.arrived { written - found } else { 0 };
         memory.timing.short_writes = self.port.short_writes();
-        self.feed.push(&Tick::new(&memory.out, memory.timing));
+        let complaint = self.linked.link.complaint();
+        self.feed.push(&Tick { complaint, ..Tick::new(&memory.out, memory.timing) });
     }
 
     /// Reads what is there, and looks again for an inertial sample that is due; when the last look was.

@@ -1,9 +1,9 @@
-//! Datagrams in the place of a serial line: each is one message of DDS-XRCE. The link sees them framed as on a serial
-//! line, so that it, its log and a replay know one form only.
+//! Datagrams instead of a serial line: each is one message of DDS-XRCE. The link gets them framed as on a serial line, so
+//! that the link, its log and a replay know one form only.
 
 use std::{
     io::{self, ErrorKind},
-    net::{Ipv4Addr, SocketAddr, UdpSocket},
+    net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket},
     os::fd::{AsFd, BorrowedFd},
     time::{Duration, Instant},
 };
@@ -12,8 +12,10 @@ use tilthex_link::px4::{AGENT, CLIENT, Decoder, MAX_MESSAGE, encode};
 
 use crate::port::Written;
 
-/// A peer that has been silent for this long gives way to another one.
+/// Another sender can become the peer after the peer has been silent for this long.
 const SILENT: Duration = Duration::from_secs(1);
+/// Largest number of datagrams that one read drops: a flood from other senders must not hold the loop.
+const DROPPED: usize = 64;
 /// Most bytes of a message as a frame.
 const LONGEST: usize = 2 * MAX_MESSAGE + 13;
 
@@ -21,9 +23,9 @@ const LONGEST: usize = 2 * MAX_MESSAGE + 13;
 #[derive(Debug)]
 pub(crate) struct Datagrams {
     socket: UdpSocket,
-    /// Who is at the other end, and when they were heard; the client knows it from the start.
+    /// The address of the other end, and when a datagram of it last arrived; the client knows the address from the start.
     peer: Option<(SocketAddr, Instant)>,
-    /// Whether this is the agent, which takes whoever begins.
+    /// Whether this is the agent, whose peer is the first sender.
     agent: bool,
     /// Finds the messages among the bytes to send.
     sent: Decoder,
@@ -46,7 +48,9 @@ impl Datagrams {
     /// # Errors
     /// The kernel's.
     pub(crate) fn to(agent: SocketAddr) -> io::Result<Self> {
-        Self::new(UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?, Some(agent))
+        let any: IpAddr =
+            if agent.is_ipv4() { Ipv4Addr::UNSPECIFIED.into() } else { Ipv6Addr::UNSPECIFIED.into() };
+        Self::new(UdpSocket::bind((any, 0))?, Some(agent))
     }
 
     fn new(socket: UdpSocket, agent: Option<SocketAddr>) -> io::Result<Self> {
@@ -70,7 +74,7 @@ impl Datagrams {
         self.socket.local_addr()
     }
 
-    /// Reads as many bytes as there are, framed, at most `buffer`. Never waits; safe in the loop.
+    /// Reads the bytes that have arrived, framed, at most as many as `buffer` holds. Never waits; safe in the loop.
     pub(crate) fn read(&mut self, buffer: &mut [u8]) -> usize {
         let mut count = 0;
         while count < buffer.len() {
@@ -87,16 +91,20 @@ impl Datagrams {
         count
     }
 
-    /// Takes the next datagram of the peer; whether there is one.
+    /// Takes the next datagram of the peer; whether there is one. A datagram that is longer than a message is dropped.
     fn receive(&mut self) -> bool {
-        let mut bytes = [0; MAX_MESSAGE];
-        loop {
+        // One byte more shows that a datagram is too long.
+        let mut bytes = [0; MAX_MESSAGE + 1];
+        for _ in 0..DROPPED {
             let (length, sender) = match self.socket.recv_from(&mut bytes) {
                 Ok(found) => found,
-                // Nobody listens where the last datagram went: it is tried again.
+                // Nobody listens at the address of the last datagram. The next one is sent all the same.
                 Err(e) if e.kind() == ErrorKind::ConnectionRefused => continue,
                 Err(_) => return false,
             };
+            if length > MAX_MESSAGE {
+                continue;
+            }
             let now = Instant::now();
             let known = self.peer.is_none_or(|(peer, heard)| {
                 peer == sender || self.agent && now.saturating_duration_since(heard) > SILENT
@@ -110,6 +118,7 @@ impl Datagrams {
             self.left = 0..encode(source, destination, message, &mut self.frame);
             return true;
         }
+        false
     }
 
     /// Sends the messages among `bytes`, a datagram each. Never waits; safe in the loop.
@@ -173,6 +182,26 @@ mod tests {
             prop_assert_eq!(agent.write(&down), Written::Whole);
             prop_assert_eq!(read_all(&mut client, down.len(), step), down);
         }
+    }
+
+    #[test]
+    fn addresses_of_version_6_work_where_the_computer_has_them() {
+        let Ok(mut agent) = Datagrams::listen((Ipv6Addr::LOCALHOST, 0).into()) else { return };
+        let mut client = Datagrams::to(agent.address().expect("known")).expect("bound");
+        let frame = framed(CLIENT, AGENT, &[b"client".to_vec()]);
+        assert_eq!(client.write(&frame), Written::Whole);
+        assert_eq!(read_all(&mut agent, frame.len(), 64), frame);
+    }
+
+    #[test]
+    fn a_datagram_that_is_too_long_is_dropped_whole() {
+        let mut agent = Datagrams::listen((Ipv4Addr::LOCALHOST, 0).into()).expect("bound");
+        let client = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).expect("bound");
+        let address = agent.address().expect("known");
+        client.send_to(&[1; MAX_MESSAGE + 1], address).expect("sent");
+        client.send_to(b"next", address).expect("sent");
+        let frame = framed(CLIENT, AGENT, &[b"next".to_vec()]);
+        assert_eq!(read_all(&mut agent, frame.len(), LONGEST), frame);
     }
 
     #[test]

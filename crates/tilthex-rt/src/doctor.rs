@@ -227,8 +227,8 @@ fn line(name: &str, baud: u32) -> Vec<Check> {
         Ok(port) => {
             let timer = latency_timer(port.path(), Path::new("/sys"));
             let delay = timer.map_or("none".into(), |(_, ms): (PathBuf, u32)| format!("{ms} ms"));
-            let text =
-                format!("{} opens at {baud} baud; delay of its adapter: {delay}", port.path().display());
+            let speed = if baud > 0 { format!(" at {baud} baud") } else { String::new() };
+            let text = format!("{} opens{speed}; delay of its adapter: {delay}", port.path().display());
             vec![check("port", Verdict::Good, text)]
         }
     }

@@ -7,7 +7,7 @@ use std::sync::{
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use tilthex_core::flight::Record;
-use tilthex_link::{LinkedOutput, Wire};
+use tilthex_link::{LinkedOutput, Wire, px4::Complaint};
 
 /// How many ticks the ring holds. If the disk stands still for longer than this, ticks are dropped.
 const RING: usize = 512;
@@ -40,13 +40,15 @@ pub struct Tick {
     pub wire: Wire,
     /// The timing of the tick.
     pub timing: Timing,
+    /// Why the link is not ready, where it knows; for a person, not for the log.
+    pub complaint: Option<Complaint>,
 }
 
 impl Tick {
     /// The tick that gave `out`.
     #[must_use]
     pub fn new(out: &LinkedOutput, timing: Timing) -> Self {
-        Self { record: out.commanded.record, wire: out.wire, timing }
+        Self { record: out.commanded.record, wire: out.wire, timing, complaint: None }
     }
 }
 

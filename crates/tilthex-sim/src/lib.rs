@@ -186,7 +186,7 @@ impl<B: Body, F: Board> Simulation<B, F> {
     pub fn advance_at(&mut self, at: Nanos, out: &mut Vec<u8>) {
         let dt = STEP as f64 * 1e-6;
         self.now += STEP;
-        let since_start = self.firmware.first_start().map(|start| (self.now - start) as f64 * 1e-6);
+        let since_start = self.firmware.noted().first_start.map(|start| (self.now - start) as f64 * 1e-6);
         let driven = self.firmware.commands();
         let mut commands = driven;
         self.wiring.iter().zip(&driven).for_each(|(&rotor, speed)| commands[rotor] = *speed);

@@ -172,7 +172,7 @@ impl World {
         self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, &state));
         for motor in 0..self.plant.vehicle().rotor_count() {
             let spinning = match self.commanded.motors {
-                MotorCommand::Stop => false,
+                MotorCommand::Stop | MotorCommand::Kill => false,
                 MotorCommand::Alone(one, _) => one == motor,
                 MotorCommand::Start(_) | MotorCommand::Turn(_) => true,
             };
@@ -212,7 +212,7 @@ impl World {
     /// Moves the body by one period.
     fn advance(&mut self) {
         let speeds = match self.commanded.motors {
-            MotorCommand::Stop => RotorVector::zeros(),
+            MotorCommand::Stop | MotorCommand::Kill => RotorVector::zeros(),
             MotorCommand::Alone(one, speeds) => {
                 RotorVector::from_fn(|i, _| if i == one { speeds[i] } else { 0.0 })
             }

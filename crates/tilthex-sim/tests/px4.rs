@@ -176,7 +176,7 @@ fn without_fresh_commands_nothing_says_that_throttles_come_from_outside() {
     world.flies();
     let counts = |world: &World| {
         let board = world.simulation.firmware();
-        (tilthex_link::board::Board::commands_received(board), board.heartbeats_received())
+        (tilthex_link::board::Board::noted(board).commands_received, board.heartbeats_received())
     };
     let before = counts(&world);
     world.run(2.0, |_, _| false);
@@ -219,6 +219,35 @@ fn what_px4_does_not_send_is_named_with_what_mends_it() {
     };
     assert!((found - 100.0).abs() < 2.0 && expected == 500.0, "{complaint}");
     assert!(complaint.to_string().contains("rate_limit: 1000."), "{complaint}");
+}
+
+#[test]
+fn a_host_that_is_started_again_in_flight_stops_motors_by_the_order_to_kill_only() {
+    let mut world = World::new(vec![], |_| {});
+    world.flies();
+    world.linked = World::new(vec![], |_| {}).linked;
+    let complains = |world: &World| world.linked.link.complaint() == Some(Complaint::Armed);
+    let disarmed = |world: &World, _: &Record| !world.simulation.firmware().is_armed();
+    assert!(world.run(6.0, |world, _| complains(world)), "{:?}", world.linked.link.complaint());
+    assert!(!world.run(2.0, disarmed), "the failsafe of the board flies");
+    assert!(!world.linked.link.telemetry().link.ready && complains(&world));
+    world.host.kill = true;
+    assert!(world.run(0.5, disarmed));
+}
+
+#[test]
+fn motors_of_a_pilot_who_has_taken_over_are_stopped_by_the_order_to_kill_only() {
+    let mut world = World::new(vec![], |_| {});
+    world.flies();
+    let now = world.simulation.now();
+    world.simulation.firmware_mut().take_over(now);
+    let over = |world: &World, _: &Record| world.linked.flight.supervisor().phase() == Phase::Disarmed;
+    assert!(world.run(30.0, over), "{:?}", world.linked.flight.supervisor());
+    let disarmed = |world: &World, _: &Record| !world.simulation.firmware().is_armed();
+    assert!(!world.run(2.0, disarmed), "the pilot flies");
+    assert!(!world.linked.finished());
+    world.host.kill = true;
+    assert!(world.run(0.5, disarmed));
 }
 
 #[test]

@@ -171,6 +171,7 @@ impl Flight {
     /// What the motors shall do in this phase.
     pub(super) fn motor_command(&self) -> MotorCommand {
         match self.supervisor.phase() {
+            Phase::Disarmed if self.supervisor.killed() => MotorCommand::Kill,
             Phase::Disarmed => MotorCommand::Stop,
             Phase::Starting => {
                 let motors = self.params.vehicle.rotor_count();

@@ -132,8 +132,10 @@ pub struct KnownState {
 /// The command to the motors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MotorCommand {
-    /// Every motor shall stand still.
+    /// Every motor shall stand still: the flight has not begun, or it is over.
     Stop,
+    /// Every motor shall stop at once, by order, whoever turns it.
+    Kill,
     /// This motor alone, from 0, shall start and turn at its speed of these, Hz; all other motors shall stand still.
     Alone(usize, RotorVector),
     /// Motors that do not spin shall start; those that do shall turn at these speeds, Hz.

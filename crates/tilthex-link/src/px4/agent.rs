@@ -52,6 +52,8 @@ pub(super) struct Agent {
     /// The number of the next message to it.
     sequence: u16,
     answers: [Option<Answer>; MAX_ANSWERS],
+    /// Whether a session has ever begun, and whether another one has begun since the last question.
+    earlier: bool,
     began_anew: bool,
     messages: u32,
     refused: u32,
@@ -68,6 +70,7 @@ impl Default for Agent {
             last: None,
             sequence: 0,
             answers: [None; MAX_ANSWERS],
+            earlier: false,
             began_anew: false,
             messages: 0,
             refused: 0,
@@ -147,10 +150,13 @@ impl Agent {
         let ours = self.session == Some(session);
         match *submessage {
             FromClient::CreateClient { session } if session >= WITHOUT_KEY => {
-                // The same question again, where the answer was late, changes nothing.
-                let began_anew = self.begun();
-                *self =
-                    Self { messages: self.messages, refused: self.refused, began_anew, ..Self::default() };
+                *self = Self {
+                    messages: self.messages,
+                    refused: self.refused,
+                    began_anew: self.earlier,
+                    earlier: true,
+                    ..Self::default()
+                };
                 self.session = Some(session);
                 self.answer(Answer::Began);
             }
@@ -244,7 +250,7 @@ impl Agent {
         self.session.is_some()
     }
 
-    /// Whether a client has begun a session in the place of another one since the last question.
+    /// Whether a client has begun a session after an earlier one since the last question.
     pub(super) fn began_anew(&mut self) -> bool {
         core::mem::take(&mut self.began_anew)
     }

@@ -1,26 +1,28 @@
-//! What keeps the link from being ready, for a person.
+//! Sentences for a person: why the link is not ready.
 
-use super::topics::{EscStatus, Topic};
+use super::{esc_status::EscStatus, topics::Topic};
 use core::fmt;
 
-/// A stream that does not come as the flight needs it.
+/// Why the link is not ready.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Complaint {
     /// PX4 does not send the topic at all.
     Missing(Topic),
-    /// It comes too rarely.
+    /// It arrives too rarely.
     Slow {
         /// The topic.
         topic: Topic,
-        /// How often it comes, Hz.
+        /// How often it arrives, Hz.
         found: f64,
         /// How often it is expected, Hz.
         expected: f64,
     },
-    /// Its messages are not those that the link knows.
+    /// Its messages have another form than the link knows.
     Unreadable(Topic),
     /// PX4 does not take the topic.
     Unwanted(Topic),
+    /// PX4 is armed, and not by this link.
+    Armed,
 }
 
 impl fmt::Display for Complaint {
@@ -46,7 +48,7 @@ impl fmt::Display for Complaint {
             Self::Slow { topic, found, expected } => {
                 write!(
                     f,
-                    "{} comes at {found:.0} Hz; expected {expected:.0} Hz: in PX4's {FILE} write `rate_limit: 1000.` below \
+                    "{} arrives at {found:.0} Hz; expected {expected:.0} Hz: in PX4's {FILE} write `rate_limit: 1000.` below \
                      `type: {}` (before version 1.16: set UXRCE_DEFAULT_POLL_RATE to 1), and build PX4 again; use a faster line; \
                      or lower the rate in [link]",
                     topic.name(),
@@ -56,9 +58,13 @@ impl fmt::Display for Complaint {
                     if topic == Topic::SensorCombined { "; IMU_INTEG_RATE must be as high" } else { "" };
                 f.write_str(parameter)
             }
+            Self::Armed => f.write_str(
+                "PX4 is armed, and a pilot or PX4 itself may fly the vehicle; expected it disarmed: land it and disarm it",
+            ),
             Self::Unreadable(topic) => write!(
                 f,
-                "the messages of {} are not those of PX4 1.14 to 1.16 (esc_status there has {} bytes): use one of these versions",
+                "the messages of {} do not have the form of PX4 1.14 to 1.16 (in these versions esc_status has {} bytes): use one of \
+                 these versions",
                 topic.name(),
                 EscStatus::LENGTH
             ),

@@ -4,7 +4,7 @@
 //! byte, 0x7e and 0x7d are sent as 0x7d and the byte with bit 5 changed. The CRC is that of the message alone:
 //! polynomial 0x8005, bits reflected, from 0.
 
-use crate::bump;
+use crate::{bump, outgoing::write_frame};
 
 /// Longest message, bytes.
 pub const MAX_MESSAGE: usize = 1280;
@@ -40,27 +40,22 @@ fn crc_with(crc: u16, byte: u8) -> u16 {
     crc >> 8 ^ CRC_TABLE[usize::from(low ^ byte)]
 }
 
-/// Writes a message as a frame to `destination` and returns its length, bytes; 0, and nothing whole is in `out`, if it
-/// does not fit or the message is longer than [`MAX_MESSAGE`]. `2 * length + 13` bytes always suffice.
+/// Writes a message as a frame to `destination` and returns its length, bytes. If the frame does not fit, or the message
+/// is longer than [`MAX_MESSAGE`], returns 0, and `out` holds no complete frame. `2 * length + 13` bytes are always
+/// enough.
 #[must_use = "the length says what to send"]
 pub fn encode(source: u8, destination: u8, message: &[u8], out: &mut [u8]) -> usize {
     if message.len() > MAX_MESSAGE {
         return 0;
     }
-    let mut slots = out.iter_mut();
-    let mut length = 0;
-    let mut put = |byte| {
-        length += 1;
-        slots.next().map(|slot| *slot = byte)
-    };
-    let mut write = || {
-        put(BEGIN)?;
+    write_frame(out, |slots| {
+        slots.put(BEGIN)?;
         let mut put = |byte: u8| {
             if byte == BEGIN || byte == ESCAPE {
-                put(ESCAPE)?;
-                return put(byte ^ CHANGED);
+                slots.put(ESCAPE)?;
+                return slots.put(byte ^ CHANGED);
             }
-            put(byte)
+            slots.put(byte)
         };
         put(source)?;
         put(destination)?;
@@ -71,8 +66,7 @@ pub fn encode(source: u8, destination: u8, message: &[u8], out: &mut [u8]) -> us
             put(byte)?;
         }
         crc.to_le_bytes().into_iter().try_for_each(&mut put)
-    };
-    if write().is_some() { length } else { 0 }
+    })
 }
 
 /// What the framing let through and what it refused. The counts saturate.

@@ -3,14 +3,15 @@
 use super::{
     agent::Agent,
     complaint::Complaint,
+    esc_status::{ESCS, EscStatus},
     frame::{AGENT, Decoder},
     inertial::InertialStream,
     motors::Motors,
     rates::Rate,
     throttle::Throttles,
     topics::{
-        ARMED, ActuatorMotors, BatteryStatus, ESCS, EscStatus, MOTORS, OFFBOARD, OffboardControlMode,
-        SensorCombined, Topic, TopicMessage, VehicleCommand, VehicleStatus,
+        ARMED, ActuatorMotors, BatteryStatus, MOTORS, OFFBOARD, OffboardControlMode, SensorCombined, Topic,
+        TopicMessage, VehicleCommand, VehicleStatus,
     },
 };
 use crate::{
@@ -23,16 +24,16 @@ use tilthex_core::{
     types::{MAX_ROTORS, RotorVector},
 };
 
-/// Without a client for this long the link gives up, s: one that was in a session with another agent notices after about
-/// 5 s that it is gone.
+/// The link gives up if no client has begun a session for this long, s. A client that was in a session with another agent
+/// needs about 5 s to notice that this agent is gone.
 const PATIENCE: f64 = 15.0;
-/// Between two messages that keep the offboard mode, each with a fresh command, s.
+/// Between two messages that keep the offboard mode active, s. Each comes with a new command.
 const HEARTBEAT_EVERY: f64 = 0.019;
 /// Between two orders to the flight board, s.
 const ORDER_EVERY: f64 = 0.2;
 /// Between the motors of the check the vehicle stays armed for this long, s.
 const STAYS_ARMED: f64 = 0.5;
-/// Motors that were driven are disarmed for at least this long, whatever the vehicle's state says, s.
+/// Motors that were driven are disarmed for at least this long, even if the vehicle reports that it is disarmed, s.
 const INSIST: f64 = 0.5;
 /// A time before any, s.
 const LONG_AGO: f64 = -1e9;
@@ -42,7 +43,10 @@ const AROUND: u16 = 7 + 8 + 4;
 /// What the motors were told last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
+    /// Nothing yet, or the vehicle is disarmed since. Others may fly it: a pilot, or PX4's failsafe after another program.
+    Nothing,
     Stop,
+    Kill,
     Alone(usize),
     All,
 }
@@ -55,7 +59,7 @@ struct Streams {
     inertial_rate: Rate,
     motor_rate: Rate,
     telemetry: Telemetry,
-    status: VehicleStatus,
+    status: Option<VehicleStatus>,
     unreadable: Option<Topic>,
 }
 
@@ -75,18 +79,18 @@ impl Streams {
                     self.telemetry.battery = Some(f64::from(battery.voltage));
                 }
             }),
-            Topic::VehicleStatus => VehicleStatus::read(data).map(|status| self.status = status),
+            Topic::VehicleStatus => VehicleStatus::read(data).map(|status| self.status = Some(status)),
             Topic::ActuatorMotors | Topic::OffboardControlMode | Topic::VehicleCommand => Some(()),
         };
         self.unreadable = if understood.is_none() { Some(topic) } else { self.unreadable };
     }
 
     fn armed(&self) -> bool {
-        self.status.arming == ARMED
+        self.status.is_some_and(|status| status.arming == ARMED)
     }
 
     fn offboard(&self) -> bool {
-        self.status.mode == OFFBOARD
+        self.status.is_some_and(|status| status.mode == OFFBOARD)
     }
 
     fn silent(&self, now: f64) -> bool {
@@ -98,7 +102,7 @@ impl Streams {
 #[derive(Clone, Debug)]
 pub struct Host {
     decoder: Decoder,
-    /// The same bytes as they are looked at before.
+    /// Decodes the same bytes earlier, for `look`.
     looked: Decoder,
     awaited: Awaited,
     agent: Agent,
@@ -106,7 +110,7 @@ pub struct Host {
     throttles: Throttles,
     rotor_count: usize,
     text: Option<(Severity, Text)>,
-    /// When the first command was given, and how long ago, s.
+    /// Time of the first command, and time since then, s.
     began: Option<f64>,
     waited: f64,
     told: Told,
@@ -115,6 +119,8 @@ pub struct Host {
     heartbeat: f64,
     ordered: f64,
     was_offboard: bool,
+    /// Whether PX4 has left the offboard mode since this link began to drive motors.
+    left: bool,
 }
 
 impl Host {
@@ -143,7 +149,7 @@ impl Host {
                 inertial_rate: Rate::new(params.imu_period_us),
                 motor_rate: Rate::new(params.motor_period_us),
                 telemetry: Telemetry::new(rotor_count),
-                status: VehicleStatus::default(),
+                status: None,
                 unreadable: None,
             },
             throttles: Throttles::new(params.throttle),
@@ -151,16 +157,17 @@ impl Host {
             text: None,
             began: None,
             waited: 0.0,
-            told: Told::Stop,
+            told: Told::Nothing,
             stopped: LONG_AGO,
             insist: LONG_AGO,
             heartbeat: LONG_AGO,
             ordered: LONG_AGO,
             was_offboard: false,
+            left: false,
         })
     }
 
-    /// Throttles, and now and then that they come from outside: PX4's failsafe acts when either stops.
+    /// Sends throttles, and at times that they come from outside: PX4's failsafe acts when one of the two stops.
     fn send_throttles(&mut self, throttles: &[f32; MAX_ROTORS], now: f64, out: &mut Outgoing) {
         let mut control = [f32::NAN; MOTORS];
         let driven = throttles.iter().take(self.rotor_count);
@@ -185,9 +192,10 @@ impl Host {
         self.send_throttles(&throttles, now, out);
     }
 
-    /// Asks for the offboard mode, then to arm.
+    /// Asks for the offboard mode, then to arm. It does not contradict a pilot who has taken over.
     fn engage(&mut self, now: f64, out: &mut Outgoing) {
-        if self.streams.armed() && self.streams.offboard() || now - self.ordered < ORDER_EVERY {
+        let engaged = self.streams.armed() && self.streams.offboard();
+        if engaged || self.left || now - self.ordered < ORDER_EVERY {
             return;
         }
         let order = if self.streams.offboard() { VehicleCommand::Arm } else { VehicleCommand::Offboard };
@@ -195,17 +203,26 @@ impl Host {
         self.ordered = now;
     }
 
-    /// Stops all motors at once; disarms at once too, unless motors are tried one by one.
-    fn stop(&mut self, now: f64, out: &mut Outgoing) {
-        let before = core::mem::replace(&mut self.told, Told::Stop);
-        if before != Told::Stop {
-            let wait = if before == Told::All { 0.0 } else { STAYS_ARMED };
+    /// Stops all motors at once; disarms at once too, unless motors are tried one by one. By [`Told::Stop`] only the
+    /// motors that this link has driven, and only in the offboard mode: in another mode a pilot or PX4 flies.
+    fn stop(&mut self, told: Told, now: f64, out: &mut Outgoing) {
+        if told == Told::Stop && self.told == Told::Nothing {
+            return;
+        }
+        let before = core::mem::replace(&mut self.told, told);
+        if before != told {
+            let wait = if told == Told::Stop && matches!(before, Told::Alone(_)) { STAYS_ARMED } else { 0.0 };
             (self.stopped, self.ordered) = (now + wait, LONG_AGO);
             self.insist = self.stopped + INSIST;
             self.throttles.forget();
         }
-        let armed = self.streams.armed();
-        if !armed && now >= self.insist {
+        if !self.streams.armed() && now >= self.insist {
+            if told == Told::Stop {
+                (self.told, self.left) = (Told::Nothing, false);
+            }
+            return;
+        }
+        if !self.stops() {
             return;
         }
         self.send_throttles(&[f32::NAN; MAX_ROTORS], now, out);
@@ -215,15 +232,30 @@ impl Host {
         }
     }
 
-    /// Which motors are about to spin: all that are driven while they do not, and all where the vehicle is to be disarmed.
+    /// Whether a pilot or PX4 may fly the vehicle: it is armed and was not by this link, or is in another mode.
+    fn others_fly(&self) -> bool {
+        let may_be_theirs = match self.told {
+            Told::Nothing => true,
+            Told::Stop => !self.streams.offboard(),
+            Told::Kill | Told::Alone(_) | Told::All => false,
+        };
+        may_be_theirs && self.streams.armed()
+    }
+
+    /// Whether all motors were told to stop. A vehicle that others fly is stopped by the order to kill only.
+    fn stops(&self) -> bool {
+        self.told == Told::Kill || self.told == Told::Stop && !self.others_fly()
+    }
+
+    /// Marks motors that will spin: those that are driven and do not spin yet, and all until the vehicle is disarmed.
     fn mark_starting(&mut self, now: f64) {
-        let armed = self.streams.armed();
+        let (armed, stops) = (self.streams.armed(), self.stops() && now >= self.stopped);
         for index in 0..self.rotor_count {
             if let Some(motor) = self.streams.telemetry.motor_mut(index) {
                 let wanted = match self.told {
                     Told::All => true,
                     Told::Alone(alone) => index == alone,
-                    Told::Stop => now >= self.stopped,
+                    Told::Nothing | Told::Stop | Told::Kill => stops,
                 };
                 motor.starting = armed && wanted && !motor.spinning;
             }
@@ -231,23 +263,21 @@ impl Host {
     }
 
     fn update_link(&mut self, now: f64) {
+        let others_fly = self.others_fly();
+        let missing = self.missing();
         let streams = &mut self.streams;
         // Rates are measured while the motors stand: in flight their silence counts.
-        if self.told == Told::Stop {
+        if !matches!(self.told, Told::Alone(_) | Told::All) {
             streams.inertial_rate.step(now);
             streams.motor_rate.step(now);
         }
-        let known =
-            [SensorCombined::TOPIC, EscStatus::TOPIC].iter().all(|topic| self.agent.publishes(*topic));
-        let obeys = [ActuatorMotors::TOPIC, OffboardControlMode::TOPIC, VehicleCommand::TOPIC]
-            .iter()
-            .all(|topic| self.agent.wants(*topic));
         let enough = streams.inertial_rate.is_enough() && streams.motor_rate.is_enough();
         let refused = |sum: u32, c: GateCounters| sum.saturating_add(c.out_of_range).saturating_add(c.jumps);
         let of_gates =
             streams.motors.gate_counters().fold(refused(0, streams.inertial.gate_counters()), refused);
         let (messages, malformed) = self.agent.counts();
-        let ready = known && obeys && enough && !streams.silent(now);
+        let seen = streams.status.is_some() && !others_fly;
+        let ready = missing.is_none() && enough && seen && !streams.silent(now);
         let link = &mut streams.telemetry.link;
         link.identified |= self.agent.begun();
         link.ready = ready;
@@ -257,11 +287,24 @@ impl Host {
         link.lost_samples = streams.inertial.lost();
     }
 
-    /// Says when PX4 takes and leaves the offboard mode while motors are driven.
+    /// The first topic that PX4 does not send, or does not take. The battery may be missing.
+    fn missing(&self) -> Option<Complaint> {
+        Topic::ALL.iter().copied().filter(|topic| *topic != Topic::BatteryStatus).find_map(|topic| {
+            if topic.is_taken() {
+                (!self.agent.wants(topic)).then_some(Complaint::Unwanted(topic))
+            } else {
+                (!self.agent.publishes(topic)).then_some(Complaint::Missing(topic))
+            }
+        })
+    }
+
+    /// Says when PX4 leaves the offboard mode while this link drives motors.
     fn tell_mode(&mut self) {
         let offboard = self.streams.offboard();
-        if self.told == Told::All && self.was_offboard && !offboard {
-            let text = b"PX4 has left the offboard mode: it does not obey any more";
+        let drives = !matches!(self.told, Told::Nothing | Told::Kill);
+        if drives && self.was_offboard && !offboard {
+            self.left = true;
+            let text = b"PX4 has left the offboard mode and ignores throttles now";
             self.text = Some((Severity::Error, Text::new(text)));
         }
         self.was_offboard = offboard;
@@ -293,7 +336,8 @@ impl VehicleLink for Host {
         }
         if self.agent.began_anew() {
             self.streams.telemetry.link.rebooted = true;
-            self.streams.status = VehicleStatus::default();
+            self.streams.status = None;
+            self.was_offboard = false;
             self.streams.inertial_rate.forget();
             self.streams.motor_rate.forget();
         }
@@ -314,7 +358,8 @@ impl VehicleLink for Host {
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
         self.waited = now - *self.began.get_or_insert(now);
         match command {
-            MotorCommand::Stop => self.stop(now, out),
+            MotorCommand::Stop => self.stop(Told::Stop, now, out),
+            MotorCommand::Kill => self.stop(Told::Kill, now, out),
             MotorCommand::Alone(motor, speeds) => {
                 self.drive(Told::Alone(*motor), speeds, now, out);
                 self.engage(now, out);
@@ -347,8 +392,8 @@ impl VehicleLink for Host {
     }
 
     fn part(&mut self, out: &mut Outgoing) {
-        // Motors that stand shall stay so: a vehicle that is armed and hears nothing more acts by itself.
-        if self.told == Told::Stop && self.streams.armed() {
+        // The motors shall stay off: an armed vehicle that receives nothing more executes its failsafe.
+        if self.stops() && self.streams.armed() {
             self.agent.send(&VehicleCommand::Disarm, out);
         }
     }
@@ -357,10 +402,6 @@ impl VehicleLink for Host {
         if !self.agent.begun() {
             return None;
         }
-        let sent = [Topic::SensorCombined, Topic::EscStatus, Topic::VehicleStatus];
-        let taken = [Topic::ActuatorMotors, Topic::OffboardControlMode, Topic::VehicleCommand];
-        let missing = sent.into_iter().find(|topic| !self.agent.publishes(*topic)).map(Complaint::Missing);
-        let unwanted = || taken.into_iter().find(|topic| !self.agent.wants(*topic)).map(Complaint::Unwanted);
         let unreadable = || self.streams.unreadable.map(Complaint::Unreadable);
         let rates = [
             (Topic::SensorCombined, &self.streams.inertial_rate),
@@ -370,6 +411,7 @@ impl VehicleLink for Host {
             let (topic, rate) = rates.into_iter().find(|(_, rate)| rate.is_slow())?;
             rate.found().map(|(found, expected)| Complaint::Slow { topic, found, expected })
         };
-        missing.or_else(unwanted).or_else(unreadable).or_else(slow)
+        let armed = || self.others_fly().then_some(Complaint::Armed);
+        self.missing().or_else(unreadable).or_else(slow).or_else(armed)
     }
 }

@@ -1,5 +1,5 @@
-//! PX4 over uXRCE-DDS, without ROS and without an agent of its own: the flight board is the DDS-XRCE client, the host is
-//! the agent of its one session, over a serial line or datagrams.
+//! PX4 over uXRCE-DDS, without ROS and without another agent: the flight board is the DDS-XRCE client, the host is the
+//! agent of its one session, over a serial line or datagrams.
 //!
 //! The host takes inertial samples, the measurements of the motor controllers, the battery and the vehicle's state, and
 //! sends throttles in PX4's offboard mode (`direct_actuator`). `docs/howto/px4.md` says how to set PX4 up.
@@ -10,6 +10,7 @@ pub mod board;
 mod cdr;
 mod complaint;
 mod entity;
+mod esc_status;
 mod frame;
 mod host;
 mod inertial;
@@ -22,6 +23,7 @@ mod topics;
 
 pub use complaint::Complaint;
 pub use entity::{Entity, TopicName};
+pub use esc_status::{ESCS, EscReport, EscStatus, FIRST_MOTOR, STUCK};
 pub use frame::{AGENT, CLIENT, Decoder, FrameCounters, MAX_MESSAGE, encode};
 pub use host::Host;
 pub use message::{
@@ -31,6 +33,6 @@ pub use message::{
 pub use submessages::{FromAgent, FromClient};
 pub use throttle::ThrottleMap;
 pub use topics::{
-    ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, MOTORS, OFFBOARD,
-    OffboardControlMode, STUCK, SensorCombined, Topic, TopicMessage, VehicleCommand, VehicleStatus,
+    ARMED, ActuatorMotors, BatteryStatus, MOTORS, OFFBOARD, OffboardControlMode, SensorCombined, Topic,
+    TopicMessage, VehicleCommand, VehicleStatus,
 };

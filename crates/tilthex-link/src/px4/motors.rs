@@ -1,6 +1,6 @@
 //! What the motor controllers say: which controller drives which motor, and which measurements are believed.
 
-use super::topics::{ESCS, EscStatus, FIRST_MOTOR, STUCK};
+use super::esc_status::{ESCS, EscStatus, FIRST_MOTOR, STUCK};
 use crate::{Gate, GateCounters, GateParams, Verdict};
 use tilthex_core::{Error, flight::Telemetry};
 

@@ -1,4 +1,4 @@
-//! From speeds to throttles: the vehicle's map, and a slow correction by the measured speeds.
+//! Throttles for speeds: the vehicle's map, and a slow correction by the measured speeds.
 
 use tilthex_core::{
     Error,
@@ -9,27 +9,27 @@ use tilthex_core::{
     types::{MAX_ROTORS, RotorVector},
 };
 
-/// How fast a measured speed follows a commanded one, about, 1/s.
+/// Approximate rate at which a measured speed follows a commanded one, 1/s.
 const FOLLOWS: f64 = 20.0;
 /// Largest correction of a speed, Hz.
 const MOST: f64 = 20.0;
-/// Longest time between two commands that counts, s.
+/// A longer time between two commands counts as this long, s.
 const LONGEST: f64 = 0.02;
 
-/// The throttle that turns a rotor at a speed: `c0 + c1 x + c2 x^2`, where `x` is the speed, Hz, times `voltage` over the
+/// The throttle for a rotor's speed: `c0 + c1 x + c2 x^2`, where `x` is the speed (Hz) times `voltage`, divided by the
 /// battery's voltage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ThrottleMap {
-    /// `c0` to `c2`: 1, 1/Hz, 1/Hz^2. All 0 where the map is not known.
+    /// `c0` to `c2`: 1, 1/Hz, 1/Hz^2. All 0 if the map is not known.
     pub coefficients: [f64; 3],
-    /// The battery's voltage of the map, V; 0 where the speed does not depend on it.
+    /// Battery voltage at which the map was measured, V; 0 if the battery does not change the speed at a throttle.
     pub voltage: f64,
-    /// How fast the measured speeds correct the map, 1/s; 0 never.
+    /// Rate at which the measured speeds correct the map, 1/s; 0 for no correction.
     pub correction: f64,
 }
 
 impl ThrottleMap {
-    /// The throttle, 0 to 1, for a speed (Hz) at a battery's voltage (V), and whether it is at neither end.
+    /// The throttle, 0 to 1, for a speed (Hz) at a battery voltage (V), and whether it is inside these limits.
     #[must_use]
     pub fn throttle(&self, speed: f64, battery: Option<f64>) -> (f64, bool) {
         let [c0, c1, c2] = self.coefficients;
@@ -72,7 +72,7 @@ impl Throttles {
         *self = Self::new(self.map);
     }
 
-    /// Throttles for commanded speeds, Hz, at `now`, s. The corrections learn where `obeyed`.
+    /// Throttles for commanded speeds, Hz, at `now`, s. The corrections learn only if PX4 executes the commands (`obeyed`).
     pub(super) fn step(
         &mut self,
         commanded: &RotorVector,

@@ -1,6 +1,6 @@
 //! Framing: bytes to bodies and back.
 
-use crate::bump;
+use crate::{bump, outgoing::write_frame};
 
 /// Longest body, bytes, the message's letter included.
 pub const MAX_BODY: usize = 64;
@@ -64,25 +64,18 @@ impl Frame {
     /// 0, and `out` holds no complete frame. [`MAX_FRAME`] bytes are always enough.
     #[must_use = "the length says what to send"]
     pub fn encode(&self, out: &mut [u8]) -> usize {
-        let mut slots = out.iter_mut();
-        let mut length = 0;
-        let mut put = |byte| {
-            length += 1;
-            slots.next().map(|slot| *slot = byte)
-        };
-        let mut write = || {
-            put(START)?;
+        write_frame(out, |slots| {
+            slots.put(START)?;
             for &byte in self.body() {
                 if is_special(byte) {
-                    put(ESCAPE)?;
-                    put(!byte)?;
+                    slots.put(ESCAPE)?;
+                    slots.put(!byte)?;
                 } else {
-                    put(byte)?;
+                    slots.put(byte)?;
                 }
             }
-            put(END)
-        };
-        if write().is_some() { length } else { 0 }
+            slots.put(END)
+        })
     }
 }
 

@@ -286,12 +286,12 @@ impl VehicleLink for Host {
     }
 
     fn command(&mut self, command: &MotorCommand, now: f64, out: &mut Outgoing) {
-        self.driven |= !matches!(command, MotorCommand::Stop);
+        self.driven |= !matches!(command, MotorCommand::Stop | MotorCommand::Kill);
         if !matches!(command, MotorCommand::Alone(..)) {
             self.alone = None;
         }
         match command {
-            MotorCommand::Stop => self.send_stop(now, out),
+            MotorCommand::Stop | MotorCommand::Kill => self.send_stop(now, out),
             MotorCommand::Alone(motor, speeds) => {
                 self.send_speeds(speeds, out);
                 self.send_alone(*motor, now, out);

@@ -192,9 +192,12 @@ impl Args {
         if let (Some(one), Some(other)) = (self.baud, named)
             && one != other
         {
-            return Err(Failure::usage(format!(
-                "--baud is {one} and --port says {other}; expected one of them"
-            )));
+            let port = self.port.as_deref().unwrap_or_default();
+            return Err(Failure::usage(if other == 0 {
+                format!("--baud {one} cannot be set: --port {port} is no serial line; leave --baud out")
+            } else {
+                format!("--baud is {one}, but --port {port} says {other}; expected one of the two")
+            }));
         }
         let link = uri.and_then(|uri| uri.link);
         change("link", "protocol", link.map(|link| link.name().into()));

@@ -5,6 +5,10 @@ use std::{
     time::{Duration, Instant},
 };
 
+use tilthex_core::supervisor::Phase;
+use tilthex_link::px4::Complaint;
+use tilthex_sim::feed::Tick;
+
 use super::fly::Running;
 use crate::{
     control_loop::End,
@@ -16,17 +20,45 @@ use crate::{
 const ON_A_TERMINAL: Duration = Duration::from_millis(200);
 const IN_A_FILE: Duration = Duration::from_secs(2);
 
-/// Prints the status until the loop ends.
+/// A complaint of the link is said after it has lasted this long: a board opens its streams one after the other.
+const LASTS: Duration = Duration::from_secs(5);
+
+/// Decides when a complaint of the link is said: once each time that the link begins to complain.
+#[derive(Default)]
+struct Complaints {
+    since: Option<Instant>,
+    said: bool,
+}
+
+impl Complaints {
+    /// Takes the newest tick; the complaint that is to be said now. After the start the supervisor's faults say it.
+    fn next(&mut self, tick: &Tick) -> Option<Complaint> {
+        let Some(complaint) = tick.complaint.filter(|_| tick.record.phase == Phase::Disarmed) else {
+            *self = Self::default();
+            return None;
+        };
+        let lasts = self.since.get_or_insert_with(Instant::now).elapsed() >= LASTS;
+        (lasts && !std::mem::replace(&mut self.said, lasts)).then_some(complaint)
+    }
+}
+
+/// Prints the status until the loop ends, and why the link is not ready.
 pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
     let terminal = output::is_terminal();
     let begin = Instant::now();
+    let mut complaints = Complaints::default();
     let end = loop {
         let pause = if terminal { ON_A_TERMINAL } else { IN_A_FILE };
         match running.end.recv_timeout(pause) {
             Ok(end) => break Some(end),
             Err(RecvTimeoutError::Disconnected) => break None,
             Err(RecvTimeoutError::Timeout) => {
-                let line = line(begin.elapsed().as_secs_f64(), &observer.latest());
+                let latest = observer.latest();
+                if let Some(complaint) = latest.tick.as_ref().and_then(|tick| complaints.next(tick)) {
+                    let clear = if terminal { "\r\x1b[K" } else { "" };
+                    output::error(format_args!("{clear}tilthex-rt: warning: {complaint}"));
+                }
+                let line = line(begin.elapsed().as_secs_f64(), &latest);
                 output::text(if terminal { format!("\r{line}\x1b[K") } else { format!("{line}\n") });
             }
         }

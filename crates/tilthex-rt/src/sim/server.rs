@@ -56,8 +56,9 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a simulation behind a pseudo-terminal of its own, and, where one is given, behind a socket: whoever connects
-    /// there has the line until they leave. Where an agent is named, its datagrams are the line instead. `each_step` is called after every cycle with the time of the cycle.
+    /// Starts a simulation behind its own pseudo-terminal. If a `socket` is given, the program that connects there has the
+    /// line until it leaves. If an `agent` is given, datagrams to and from it are the line instead. `each_step` is called
+    /// after every cycle with the time of the cycle.
     ///
     /// # Errors
     /// The kernel's, where it has no pseudo-terminal or no thread left.
@@ -197,9 +198,9 @@ impl<B: Body, F: Board> Worker<B, F> {
                 Some(count) => count,
                 None => return,
             };
-            let before = self.simulation.firmware().commands_received();
+            let before = self.simulation.firmware().noted().commands_received;
             self.simulation.receive(&bytes[..count], &mut self.out);
-            if self.simulation.firmware().commands_received() > before
+            if self.simulation.firmware().noted().commands_received > before
                 && let Some(written) = self.imu_written.take()
             {
                 self.latency.record(Monotonic.now().saturating_sub(written));
@@ -218,7 +219,7 @@ impl<B: Body, F: Board> Worker<B, F> {
     }
 
     fn send(&mut self) {
-        let samples = self.simulation.firmware().samples_sent();
+        let samples = self.simulation.firmware().noted().samples_sent;
         if std::mem::replace(&mut self.samples, samples) < samples {
             self.imu_written = Some(Monotonic.now());
         }

@@ -11,7 +11,7 @@ use super::{
     ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, OFFBOARD,
     OffboardControlMode, SensorCombined, ThrottleMap, Topic, TopicMessage, VehicleCommand, VehicleStatus,
 };
-use crate::board::{Board, Measurements, Micros};
+use crate::board::{Board, Measurements, Micros, Noted};
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vector3, Vehicle,
     plant::{Battery, rotor_current},
@@ -59,10 +59,8 @@ pub struct Client {
     next_motors: Micros,
     next_battery: Micros,
     next_status: Micros,
-    first_start: Option<Micros>,
-    commands_received: u64,
     heartbeats_received: u64,
-    samples_sent: u64,
+    noted: Noted,
 }
 
 impl Client {
@@ -88,10 +86,8 @@ impl Client {
             next_motors: 0,
             next_battery: 0,
             next_status: 0,
-            first_start: None,
-            commands_received: 0,
             heartbeats_received: 0,
-            samples_sent: 0,
+            noted: Noted::default(),
         }
     }
 
@@ -113,6 +109,12 @@ impl Client {
         self.heartbeats_received
     }
 
+    /// A pilot takes over. A board without control laws then turns its rotors at their lowest speeds.
+    pub fn take_over(&mut self, now: Micros) {
+        (self.status.mode, self.failsafe) = (MANUAL, None);
+        self.next_status = now;
+    }
+
     /// The battery.
     pub fn battery_mut(&mut self) -> &mut Battery {
         &mut self.battery
@@ -126,7 +128,7 @@ impl Client {
         match topic {
             Topic::ActuatorMotors => {
                 if let Some(motors) = ActuatorMotors::read(data) {
-                    self.commands_received += 1;
+                    self.noted.commands_received += 1;
                     self.throttles = motors.control;
                 }
             }
@@ -178,6 +180,7 @@ impl Client {
         match (self.is_armed(), self.failsafe) {
             (false, _) => 0.0,
             (true, Some(_)) => self.lowest[motor],
+            (true, None) if !self.is_offboard() => self.lowest[motor],
             (true, None) if throttle.is_nan() => 0.0,
             (true, None) => self.speed(throttle).max(0.3 * self.lowest[motor]).min(1.1 * self.highest[motor]),
         }
@@ -233,7 +236,7 @@ impl Board for Client {
         self.session.advance(now, out);
         let turn = (0..self.motor_count).all(|motor| self.driven(motor) > 0.0);
         if turn {
-            self.first_start.get_or_insert(now);
+            self.noted.first_start.get_or_insert(now);
         }
         let (of_imu, of_motors) = self.params.periods;
         let (imu, motors) =
@@ -248,7 +251,7 @@ impl Board for Client {
             if imu {
                 let (gyro, accelerometer) = (frd(&measured.imu.gyro_i), frd(&measured.imu.specific_force_i));
                 self.session.send(&SensorCombined { timestamp, gyro, accelerometer, clipped: false }, out);
-                self.samples_sent += 1;
+                self.noted.samples_sent += 1;
             }
             if motors {
                 let mut escs = [EscReport::default(); ESCS];
@@ -277,15 +280,7 @@ impl Board for Client {
         RotorVector::from_fn(|motor, _| if motor < self.motor_count { self.driven(motor) } else { 0.0 })
     }
 
-    fn first_start(&self) -> Option<Micros> {
-        self.first_start
-    }
-
-    fn commands_received(&self) -> u64 {
-        self.commands_received
-    }
-
-    fn samples_sent(&self) -> u64 {
-        self.samples_sent
+    fn noted(&self) -> Noted {
+        self.noted
     }
 }

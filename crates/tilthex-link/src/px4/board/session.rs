@@ -199,7 +199,7 @@ impl Session {
         }
         let name = topic.map_or(FOREIGN.to_vec(), |topic| [b"rt", topic.name().as_bytes()].concat());
         let of = TopicName::Object(object(place, TOPIC));
-        let (kind, end) = if is_taken(topic) {
+        let (kind, end) = if topic.is_some_and(Topic::is_taken) {
             (DATA_READER, Entity::Reader(of))
         } else {
             (DATA_WRITER, Entity::Writer(of))
@@ -215,7 +215,7 @@ impl Session {
 
     /// Wants the data of a topic that is taken.
     fn want(&mut self, place: usize, out: &mut Vec<u8>) {
-        if is_taken(Topic::ALL.get(place).copied()) {
+        if Topic::ALL.get(place).is_some_and(|topic| topic.is_taken()) {
             let request = self.numbered(object(place, DATA_READER));
             self.say(RELIABLE, &[FromClient::ReadData(request)], out);
         }
@@ -263,10 +263,6 @@ const DATA_READER: u8 = 6;
 fn object(place: usize, kind: u8) -> ObjectId {
     let [high, low] = ((place as u16 + 16) << 4 | u16::from(kind)).to_be_bytes();
     ObjectId([high, low])
-}
-
-fn is_taken(topic: Option<Topic>) -> bool {
-    matches!(topic, Some(Topic::ActuatorMotors | Topic::OffboardControlMode | Topic::VehicleCommand))
 }
 
 fn framed(message: &[u8]) -> Vec<u8> {

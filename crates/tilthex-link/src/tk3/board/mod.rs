@@ -10,7 +10,7 @@ use self::motor::{Event, Motor};
 use super::{HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage, speed};
 use crate::{
     Severity, Text,
-    board::{Board, Measurements, Micros},
+    board::{Board, Measurements, Micros, Noted},
 };
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vehicle,
@@ -76,11 +76,9 @@ pub struct Firmware {
     motor_states: Schedule,
     voltage: Schedule,
     magnetometer: Schedule,
-    first_start: Option<Micros>,
+    noted: Noted,
     /// Whether all motors have been spinning at the same time.
     flew: bool,
-    speeds_received: u64,
-    samples_sent: u64,
     silent_until: Micros,
 }
 
@@ -102,10 +100,8 @@ impl Firmware {
             motor_states: Schedule::default(),
             voltage: Schedule::default(),
             magnetometer: Schedule::default(),
-            first_start: None,
+            noted: Noted::default(),
             flew: false,
-            speeds_received: 0,
-            samples_sent: 0,
             silent_until: 0,
         }
     }
@@ -118,7 +114,7 @@ impl Firmware {
             HostMessage::Start(number) => {
                 if let Some(motor) = one(motors, number) {
                     motor.start(now);
-                    self.first_start.get_or_insert(now);
+                    self.noted.first_start.get_or_insert(now);
                 }
             }
             HostMessage::Stop(number) => {
@@ -129,12 +125,12 @@ impl Firmware {
             HostMessage::StopAll => {
                 // Motors that were checked one by one have not started yet.
                 if !motors.iter().all(Motor::is_spinning) {
-                    self.first_start = self.first_start.filter(|_| self.flew);
+                    self.noted.first_start = self.noted.first_start.filter(|_| self.flew);
                 }
                 motors.iter_mut().for_each(Motor::stop);
             }
             HostMessage::Speeds(values) => {
-                self.speeds_received += 1;
+                self.noted.commands_received += 1;
                 for (motor, &value) in motors.iter_mut().zip(values.as_slice()) {
                     motor.set_speed(speed(value), now);
                 }
@@ -229,7 +225,7 @@ impl Board for Firmware {
         if imu || motors {
             let measured = measure();
             if imu {
-                self.samples_sent += 1;
+                self.noted.samples_sent += 1;
                 let (accelerometer, gyro) =
                     self.params.scales.encode(&measured.imu.specific_force_i, &measured.imu.gyro_i);
                 let sequence = self.imu.sequence;
@@ -261,16 +257,8 @@ impl Board for Firmware {
         RotorVector::from_fn(|i, _| if i < self.motor_count { self.motors[i].command() } else { 0.0 })
     }
 
-    fn first_start(&self) -> Option<Micros> {
-        self.first_start
-    }
-
-    fn commands_received(&self) -> u64 {
-        self.speeds_received
-    }
-
-    fn samples_sent(&self) -> u64 {
-        self.samples_sent
+    fn noted(&self) -> Noted {
+        self.noted
     }
 }
 
