@@ -42,16 +42,22 @@ def run(*arguments, name="tilthex-rt", **options):
 
 @contextlib.contextmanager
 def running(*command, stderr=subprocess.PIPE, **options):
-    """A process, which is killed at the end. Pytest shows what it printed if the test fails."""
+    """A process, which is killed at the end. If the test fails, its failure has what the process printed, so that faults show."""
     process = subprocess.Popen(
         list(map(str, command)), stdout=subprocess.PIPE, stderr=stderr, text=True, **options
     )
-    try:
-        yield process
-    finally:
+
+    def end():
         if process.poll() is None:
             process.kill()
-        print(process.communicate()[0])
+        return "".join(filter(None, process.communicate()))
+
+    try:
+        yield process
+    except Exception as failure:
+        raise AssertionError(f"{failure}\n{Path(command[0]).name} printed:\n{end()}") from failure
+    finally:
+        end()
 
 
 def started(*arguments, name="tilthex-rt", **options):
