@@ -42,7 +42,7 @@ def run(*arguments, name="tilthex-rt", **options):
 
 @contextlib.contextmanager
 def running(*command, stderr=subprocess.PIPE, **options):
-    """A process, which is killed at the end. If the test fails, its failure has what the process printed, so that faults show."""
+    """A process, which is killed at the end. The failure of a test has what the process printed."""
     process = subprocess.Popen(
         list(map(str, command)), stdout=subprocess.PIPE, stderr=stderr, text=True, **options
     )
