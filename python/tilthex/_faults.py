@@ -352,5 +352,11 @@ FAULTS = (
         "land",
         "up to 0.3 m above the ground its motors are stopped; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`",
     ),
+    Fault(
+        "capture clock",
+        "note",
+        "note",
+        "until the delay is the usual one again, the capture time of a pose is its arrival minus the usual delay",
+    ),
 )
 """All faults; the number of a fault, its bit in a log, is its place."""

@@ -150,6 +150,12 @@ impl<F: Board> Simulation<Own, F> {
         (self.body.pressed_tool_w, self.body.pressed) = (tool_w, body);
     }
 
+    /// The wrench that [`Self::disturb`] applies to the tool (world, at its tip).
+    #[must_use]
+    pub fn pressed_tool_w(&self) -> Wrench {
+        self.body.pressed_tool_w
+    }
+
     /// The wrench that [`Self::disturb`] applies to the body: force W, torque R about the centre of mass.
     #[must_use]
     pub fn disturbance(&self) -> Wrench {

@@ -24,6 +24,19 @@ pub(super) struct ImuEntry {
     pub(super) leap: [Coarse; 2],
 }
 
+/// Largest acceleration that a sample misses, m/s^2: of a blow, and of flight.
+const BLOW: f64 = 200.0;
+const FLIES: f64 = 30.0;
+
+/// What doubtful samples may have missed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Doubt {
+    /// Largest change of the velocity, m/s.
+    pub(super) velocity: f64,
+    /// Time since the first of them began, s.
+    pub(super) age: f64,
+}
+
 /// The newest samples, each with a number that counts from zero.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ImuHistory {
@@ -51,14 +64,21 @@ impl ImuHistory {
         self.count += 1;
     }
 
-    /// Whether one of the samples of the last `time` seconds before number `next` was not simply measured, or shows a
-    /// blow.
-    pub(super) fn doubtful(&self, next: u64, time: f64) -> bool {
-        let first = next.saturating_sub(SAMPLES / 2);
-        let Some(newest) = next.checked_sub(1).map(|last| self.get(last).time) else { return false };
-        (first..next)
-            .map(|n| self.get(n))
-            .any(|s| (s.quality != Quality::Measured || is_blow(s.leap)) && newest - s.time <= time)
+    /// What the samples of the last `time` seconds before number `next` may have missed. None if all of them were simply
+    /// measured, and none shows a blow. Older samples than those of half the ring count like the oldest of these.
+    pub(super) fn doubt(&self, next: u64, time: f64) -> Option<Doubt> {
+        let newest = self.get(next.checked_sub(1)?).time;
+        let mut doubt: Option<Doubt> = None;
+        let mut before = newest - time;
+        for s in (next.saturating_sub(SAMPLES / 2)..next).map(|n| self.get(n)) {
+            let shaken = is_blow(s.leap) || matches!(s.quality, Quality::Shaken | Quality::ModelledShaken);
+            if (shaken || s.quality == Quality::Modelled) && newest - s.time <= time {
+                let doubt = doubt.get_or_insert(Doubt { velocity: 0.0, age: newest - before });
+                doubt.velocity += (s.time - before).max(0.0) * if shaken { BLOW } else { FLIES };
+            }
+            before = s.time;
+        }
+        doubt
     }
 
     /// Number of the next sample.

@@ -54,7 +54,7 @@ impl Said {
         f64::from(self.age)
     }
 
-    fn position(&self) -> Vector3 {
+    pub(super) fn position(&self) -> Vector3 {
         Vector3::from(self.position.map(f64::from))
     }
 

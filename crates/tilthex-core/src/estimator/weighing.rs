@@ -9,7 +9,7 @@
 
 use super::{
     Estimator, Outcome, PoseReport,
-    history::PoseEntry,
+    history::{Doubt, PoseEntry},
     params::ImuPose,
     trust::{Agreement, Said},
 };
@@ -34,11 +34,30 @@ const MOST_DOUBT_SHAKEN: f64 = 1e4;
 const NEARER: f64 = 4.0;
 /// Steps of the search for a scale; they bound the work.
 const SEARCH_STEPS: u32 = 6;
+/// The state may be wrong by this many standard deviations.
+const DEVIATIONS: f64 = 3.0;
+/// While samples are simply measured, the velocity may be wrong by this beyond its deviations, m/s.
+const UNDOUBTED: f64 = 1.0;
 /// A rotation that poses contradict may be wrong by this much for each second since the last pose that agreed, rad/s.
 const TURN_RATE: f64 = 0.3;
 
 /// Scales of the variances of a measured position and rotation.
 type Scales = (f64, f64);
+
+/// The largest error of the state, m and m/s, that doubtful samples explain. Poses of another body, or of a displaced one,
+/// agree with each other as well as right ones do, but the vehicle cannot be there.
+#[derive(Clone, Copy, Debug)]
+struct Missed {
+    position: f64,
+    velocity: f64,
+}
+
+impl Missed {
+    fn explains(&self, agreement: &Agreement) -> bool {
+        agreement.position.norm() < self.position + agreement.deviation.position
+            && agreement.velocity.norm() < self.velocity + agreement.deviation.velocity
+    }
+}
 
 impl Estimator {
     /// Corrects the head with a pose.
@@ -73,6 +92,21 @@ impl Estimator {
         innovation(&self.head.state, measured, &self.params.pose_noise(measured, scales))
     }
 
+    /// Takes a corrected state, unless this changes the velocity by `most` m/s or more.
+    fn take(&mut self, corrected: UkfState, most: f64) -> bool {
+        let slow = (corrected.mean.velocity_w - self.head.state.mean.velocity_w).norm() < most;
+        if slow {
+            self.head.state = corrected;
+        }
+        slow
+    }
+
+    /// Largest error of the velocity while samples are simply measured, m/s.
+    fn undoubted(&self) -> f64 {
+        let [_, velocity, _] = self.head.state.deviations();
+        UNDOUBTED + DEVIATIONS * velocity
+    }
+
     /// Corrects with a pose outside of the gate.
     fn surprised(
         &mut self,
@@ -83,8 +117,10 @@ impl Estimator {
     ) -> Outcome {
         // After a model or an impact the state is so uncertain that poses decide.
         let since = pose.time - self.head.trust.accepted;
-        let doubtful = self.samples.doubtful(self.head.next_sample, DOUBT + since);
         let said = Said::new(since, &whole.residual);
+        let doubt = self.samples.doubt(self.head.next_sample, DOUBT + since);
+        let missed = doubt.map(|doubt| self.missed(&doubt)).filter(|m| m.position > said.position().norm());
+        let doubtful = missed.is_some();
         let gate = self.derived.gate_pose * self.head.trust.level();
         let repeated = self.head.trust.repeats(&said, self.noises());
         if turn(&whole.residual) > RIGHT_ANGLE && self.pass_position(pose) {
@@ -95,12 +131,16 @@ impl Estimator {
         let doubt = self.doubt_for(measured, surprise, gate, most);
         let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
         if let Some(doubt) = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed) {
-            self.head.state.loosen(sqrt(doubt));
             let own = self.head.trust.noise * self.head.trust.noise;
-            if let Some(passing) = self.innovation(measured, (own, own)) {
-                self.head.state.apply(&passing);
-                self.head.trust.accept(pose.time, own);
-                return Outcome::Accepted;
+            let noise = self.params.pose_noise(measured, (own, own));
+            let mut state = self.head.state;
+            state.loosen(sqrt(doubt));
+            if let Some(passing) = innovation(&state, measured, &noise) {
+                state.apply(&passing);
+                if self.take(state, missed.map_or(self.undoubted(), |m| m.velocity)) {
+                    self.head.trust.accept(pose.time, own);
+                    return Outcome::Accepted;
+                }
             }
         }
         if let Some(weighed) = noise.and_then(|scales| self.innovation(measured, scales)) {
@@ -108,7 +148,7 @@ impl Estimator {
             self.head.trust.weigh(said);
             return Outcome::Weighed;
         }
-        self.contradict(pose, measured, said, doubtful)
+        self.contradict(pose, measured, said, missed)
     }
 
     /// The scales of the pose's variances with which its innovation is at the gate. Only position or only rotation is
@@ -163,7 +203,13 @@ impl Estimator {
 
     /// Handles a pose that neither its noise nor the error of the state explains. If the poses before it did not fit
     /// either, they may be noisier than configured, or right.
-    fn contradict(&mut self, pose: &PoseEntry, measured: &ImuPose, said: Said, doubtful: bool) -> Outcome {
+    fn contradict(
+        &mut self,
+        pose: &PoseEntry,
+        measured: &ImuPose,
+        said: Said,
+        missed: Option<Missed>,
+    ) -> Outcome {
         let noises = self.noises();
         let trust = &mut self.head.trust;
         let modelled = self.head.kept_bias.is_some();
@@ -186,12 +232,20 @@ impl Estimator {
         }
         let turned = agreement.rotation.norm();
         let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
-        if doubtful || possible && self.pass_position(pose) {
+        let explained = missed.is_some_and(|m| m.explains(&agreement));
+        if explained || possible && self.pass_position(pose) {
             self.believe(&agreement, modelled);
             self.head.trust.accept(pose.time, nis);
             return Outcome::Accepted;
         }
         self.refused(pose)
+    }
+
+    /// The largest error of the state after doubtful samples.
+    fn missed(&self, doubt: &Doubt) -> Missed {
+        let [position, velocity, _] = self.head.state.deviations();
+        let fast = doubt.velocity + DEVIATIONS * velocity;
+        Missed { position: fast * doubt.age + DEVIATIONS * position, velocity: fast }
     }
 
     /// The position of a pose that contradicts the state may still be good.

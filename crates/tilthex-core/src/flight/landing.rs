@@ -29,9 +29,9 @@ const UNLOAD: f64 = 0.6;
 const UNLOADED: (f64, f64) = (0.2, 1.5);
 /// A vehicle that stands changes its speed by less than this, m/s, and the cosine of its tilt by less than this.
 const STANDS: (f64, f64) = (0.15, 0.02);
-/// A vehicle that has toppled does not lie on the ground if it is higher than this above the ground of its take-off,
-/// m.
-const LIES: f64 = 0.05;
+/// A vehicle that has toppled does not lie on the ground if it is higher than the first of these above the ground of its
+/// take-off, m; one that is upright does not stand there without all of its rotors if it is higher than the second.
+const LIES: (f64, f64) = (0.05, -0.05);
 /// A descent fails if something other than the ground has stopped it this often.
 pub(super) const ATTEMPTS: u32 = 4;
 
@@ -44,6 +44,8 @@ const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
 const GROUND_CARRIES: (f64, f64, f64) = (0.08, 0.5, 0.3);
 /// A speed that was found wrong is not used for this time, s, which is enough to feel whether the ground carries.
 const DOUBTED: f64 = 1.5;
+/// Rotors that do not carry a vehicle let it fall within this time, s.
+const RESTS: f64 = 0.3;
 /// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
 const FASTER: f64 = 5.0;
 /// A vehicle that is unloaded by force counts as lying on something after this time, s.
@@ -108,6 +110,8 @@ pub(super) struct Landing {
     felt: f64,
     /// The same since the vehicle has toppled or lost a rotor; and for how long it has been standing so.
     lying: (f64, f64),
+    /// For how long it has stood at the height of the ground, s.
+    at_rest: f64,
     unloading: Option<Unloading>,
     attempts: u32,
     /// Set when it is forced down.
@@ -195,7 +199,8 @@ impl Landing {
             self.lying = (0.0, 0.0);
             return false;
         }
-        if seen.above.is_some_and(|above| above > LIES) {
+        let highest = if seen.toppled { LIES.0 } else { LIES.1 };
+        if seen.above.is_some_and(|above| above > highest) {
             return false;
         }
         // Without a pose the vertical is not known. With a pose, a sideways force is not the ground.
@@ -211,8 +216,20 @@ impl Landing {
         *felt > felt_for || *still > still_for
     }
 
+    /// Whether the vehicle stands at the height of the ground although its rotors do not carry it, for example because no
+    /// command reaches them. In the air it would fall.
+    fn rests(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
+        let at_the_ground = seen.above.is_some_and(|above| above <= LIES.1);
+        let rests = seen.missing > SHARE * weight && at_the_ground && seen.velocity.abs() < STILL.0;
+        self.at_rest = if rests { self.at_rest + dt } else { 0.0 };
+        self.at_rest > RESTS
+    }
+
     /// Changes the thrust until the vehicle comes down.
     fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
+        if self.rests(seen, weight, dt) {
+            return Verdict::Down;
+        }
         let begin = Forced { carried: 1.0, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 };
         let forced = self.forced.get_or_insert(begin);
         let (carried, down) = forced.step(seen, weight, dt);
@@ -335,6 +352,29 @@ mod tests {
         assert_ne!(run(|_, _| Seen { observed_w: carried, ..pushed }).0, Verdict::Down, "it moves");
         let still = Seen { observed_w: carried, velocity: 0.1, ..pushed };
         assert_eq!(run(|_, _| still).0, Verdict::Down);
+    }
+
+    #[test]
+    fn what_has_fallen_is_down_before_commands_reach_its_rotors_again() {
+        let fell = Seen { forced: true, missing: 15.0, velocity: 0.0, above: Some(-0.1), ..AIR };
+        let (verdict, time) = run(|_, _| fell);
+        assert!(verdict == Verdict::Down && time < 0.5, "{verdict:?} {time}");
+        for flies in [
+            Seen { missing: 2.0, velocity: -0.5, ..fell },
+            Seen { above: Some(0.01), velocity: -0.5, ..fell },
+            Seen { velocity: -0.5, ..fell },
+        ] {
+            assert_ne!(run(|_, _| flies).0, Verdict::Down, "{flies:?}");
+        }
+    }
+
+    #[test]
+    fn what_has_lost_a_rotor_is_down_at_the_height_of_the_ground_only() {
+        let carried = Some(Vector3::new(0.0, 0.0, 15.0));
+        let adrift =
+            |above| Seen { adrift: true, observed_w: carried, velocity: 0.0, above: Some(above), ..AIR };
+        assert_eq!(run(|_, _| adrift(-0.08)).0, Verdict::Down);
+        assert_eq!(run(|_, _| adrift(0.02)).0, Verdict::On(FREE));
     }
 
     #[test]

@@ -8,6 +8,7 @@ mod actuation;
 mod airborne;
 mod bounds;
 mod capture;
+mod capture_clock;
 mod descent;
 mod fence;
 mod guidance;
@@ -51,6 +52,7 @@ use crate::{
 };
 use bounds::Bounds;
 use capture::CaptureWatch;
+use capture_clock::CaptureClock;
 use guidance::Guidance;
 use landing::{FREE, Landing, Lift};
 use late::Pending;
@@ -141,6 +143,7 @@ pub struct Flight {
     lift: Lift,
     bounds: Bounds,
     capture: CaptureWatch,
+    capture_clock: CaptureClock,
     lift_off: LiftOff,
     thrust: ThrustWatch,
     stopped: StoppedWatch,
@@ -198,6 +201,7 @@ impl Flight {
             lift: FREE,
             bounds: Bounds::default(),
             capture: CaptureWatch::default(),
+            capture_clock: CaptureClock::default(),
             lift_off: LiftOff::default(),
             thrust: ThrustWatch::new(&vehicle),
             stopped: StoppedWatch::default(),

@@ -68,7 +68,9 @@ impl Flight {
         if self.estimator.is_modelled() != modelled {
             self.control.observer.forget_sample();
         }
+        let in_flight = self.supervisor.phase().in_flight();
         for pose in input.poses.iter().take(MAX_POSES) {
+            let pose = &self.capture_clock.timed(pose, in_flight);
             if !self.capture.admits(pose) {
                 continue;
             }
@@ -91,6 +93,7 @@ impl Flight {
         dt: f64,
     ) -> Option<Contradiction> {
         conditions.insert_if(Fault::PoseFrozen, self.capture.frozen());
+        conditions.insert_if(Fault::CaptureClock, self.capture_clock.jumped());
         conditions.insert_if(Fault::PoseContradicts, self.capture.lies());
         if self.known.is_some() || !self.estimator.is_initialized() {
             return None;

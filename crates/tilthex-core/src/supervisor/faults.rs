@@ -81,6 +81,7 @@ pub enum Fault {
     MotorCheck = 52,
     CaptureMirrored = 53,
     CaptureLate = 54,
+    CaptureClock = 55,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -166,7 +167,7 @@ pub const LIFT_OFF_FAULTS: [Fault; 5] =
     [Fault::MotorOrder, Fault::CaptureAxes, Fault::CaptureMirrored, Fault::CaptureLate, Fault::LiftOff];
 
 /// Number of faults.
-pub const COUNT: usize = 55;
+pub const COUNT: usize = 56;
 
 /// All faults, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -226,6 +227,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::MotorCheck, "motor check", s("before the start, each motor is spun alone: one does not turn, not at its speed, or another turns in its place", &[]), (0.0, 0.0), (Refuse, Note), s("no motor is started; the message names the motor", &[])),
     row(Fault::CaptureMirrored, "capture mirrored", s("just after lift-off the captured body moves as the mirror image of what the IMU measures", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check that motion capture streams right-handed axes", &[l::LIFT_OFF])),
     row(Fault::CaptureLate, "capture late", s("just after lift-off the captured body moves {} ms or more later than the IMU measures", &[1e3 * l::CAPTURE_LATE]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`", &[l::LIFT_OFF])),
+    row(Fault::CaptureClock, "capture clock", s("in flight, poses claim a delay that differs by more than {} ms from the usual one: they are younger, or {} in a row are older than a pose before them", &[1e3 * l::CAPTURE_CLOCK, l::POSES_BACK as f64]), (0.0, 0.5), (Note, Note), s("until the delay is the usual one again, the capture time of a pose is its arrival minus the usual delay", &[])),
 ];
 
 /// A set of faults.

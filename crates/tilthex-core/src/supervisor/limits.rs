@@ -48,6 +48,10 @@ pub const LIFT_OFF_TILT: f64 = 9.0;
 pub const LIFT_OFF_ASIDE: f64 = 0.1;
 /// Poses that are older by this than their times say are a fault of a lift-off, s.
 pub const CAPTURE_LATE: f64 = 0.04;
+/// If the delay of a pose, by its capture time, differs from the usual one by more than this, its capture time may be wrong, s.
+pub const CAPTURE_CLOCK: f64 = 0.05;
+/// This many late poses in a row that claim to be older than one before them show that the clock has jumped.
+pub const POSES_BACK: u32 = 3;
 /// A pose that is older than this is late, s.
 pub const POSE_LATE: f64 = 0.05;
 /// Without a usable pose for longer than this the pose is lost, s.

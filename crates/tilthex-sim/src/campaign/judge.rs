@@ -1,8 +1,10 @@
 //! The outcome of one flight, and what counts as a failure.
 
 use tilthex_core::{
-    Vector3,
+    Vector3, Vector6,
+    allocation::Allocator,
     flight::Record,
+    so3,
     supervisor::{Fault, FaultSet, LIFT_OFF_FAULTS, Phase, Reaction, TABLE, limits::LIFT_OFF_TIME},
 };
 use tilthex_link::tk3::{self, HostMessage, Receiver};
@@ -66,6 +68,9 @@ pub(super) struct Judge {
     start: Vector3,
     limits: (f64, f64),
     rotors: usize,
+    allocator: Allocator,
+    /// Whether something has pushed the vehicle harder than its rotors can.
+    overwhelmed: bool,
     /// Whether it was in the air.
     pub(super) flew: bool,
     /// When it took off, s.
@@ -87,6 +92,8 @@ impl Judge {
             start: world.simulation.truth().robot.position_w,
             limits,
             rotors: rotors.len(),
+            allocator: Allocator::new(vehicle),
+            overwhelmed: false,
             flew: false,
             took_off: None,
             falling: 0.0,
@@ -181,8 +188,11 @@ impl Judge {
         if way.xy().norm() > FLY_AWAY || way.z > FLY_AWAY || !robot.is_finite() {
             self.fail(world, format_args!("flew away to {:.2?}", robot.position_w.as_slice()));
         }
+        self.overwhelmed |= self.overwhelms(world);
+        let carries_itself =
+            !self.overwhelmed && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
         let speed = robot.velocity_w.norm();
-        if speed > FAST && !self.outcome.injections.iter().any(|i| i.kind.takes_lift()) {
+        if speed > FAST && carries_itself {
             self.fail(world, format_args!("flew at {speed:.1} m/s"));
         }
         let stands = world.simulation.stands();
@@ -190,6 +200,27 @@ impl Judge {
             self.outcome.impact = self.outcome.impact.max(self.falling);
         }
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
+    }
+
+    /// Whether the rotors can balance what pushes the tool now in no attitude: neither level, nor with their common thrust
+    /// along the force that they need.
+    fn overwhelms(&self, world: &World) -> bool {
+        let vehicle = world.simulation.vehicle();
+        let pushed_w = world.simulation.pressed_tool_w().force;
+        if pushed_w == Vector3::zeros() {
+            return false;
+        }
+        let needed_w = Vector3::z() * vehicle.weight() - pushed_w;
+        let axis_w = Vector3::z().cross(&needed_w);
+        let angle = axis_w.norm().atan2(needed_w.z);
+        let tilted = axis_w.try_normalize(0.0).map_or(Vector3::zeros(), |axis_w| axis_w * angle);
+        let balances = |rotation_wr| {
+            let force_r = so3::exp(&rotation_wr).transpose() * needed_w;
+            let torque = -vehicle.tool().position_r.cross(&(so3::exp(&rotation_wr).transpose() * pushed_w));
+            let wrench = Vector6::from_iterator(force_r.iter().chain(&torque).copied());
+            self.allocator.allocate(&wrench).given_up.is_none()
+        };
+        !balances(Vector3::zeros()) && !balances(tilted)
     }
 
     /// Checks the end of the program: it may end with success only if the vehicle is where it believes it is.
