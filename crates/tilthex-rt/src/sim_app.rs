@@ -132,9 +132,7 @@ pub fn run() -> Result<(), Failure> {
     if report.imu_to_command.count > 0 {
         say!("IMU byte out of vehicle to command in  {}", report.imu_to_command);
     }
-    if args.world.is_some() {
-        say!("the world is behind the clock by {}", report.lag);
-    }
+    say!("the simulated vehicle is behind the clock by {}", report.lag);
     report.failure.map_or(Ok(()), Err)
 }
 
