@@ -47,17 +47,22 @@ def running(*command, stderr=subprocess.PIPE, **options):
         list(map(str, command)), stdout=subprocess.PIPE, stderr=stderr, text=True, **options
     )
 
-    def end():
-        if process.poll() is None:
+    def printed(patience):
+        try:
+            return "".join(filter(None, process.communicate(timeout=patience)))
+        except subprocess.TimeoutExpired:
             process.kill()
-        return "".join(filter(None, process.communicate()))
+            return printed(None)
 
     try:
         yield process
     except Exception as failure:
-        raise AssertionError(f"{failure}\n{Path(command[0]).name} printed:\n{end()}") from failure
+        # A flight that has time to land names the fault that ended it.
+        process.send_signal(signal.SIGINT)
+        raise AssertionError(f"{failure}\n{Path(command[0]).name} printed:\n{printed(30)}") from failure
     finally:
-        end()
+        process.kill()
+        printed(None)
 
 
 def started(*arguments, name="tilthex-rt", **options):
