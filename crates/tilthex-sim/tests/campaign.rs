@@ -47,12 +47,28 @@ fn faults_are_seen_and_answered_as_the_table_says() {
         (Kind::Stopped, 0.1, Fault::OverrunLong, Reaction::Hold),
         (Kind::Unplugged, 60.0, Fault::LinkLost, Reaction::Descend),
         (Kind::DiskFull, 2.0, Fault::LogLost, Reaction::Note),
+        (Kind::CaptureClock, 1.0, Fault::CaptureClock, Reaction::Note),
         (Kind::Reboot, 0.1, Fault::ImuSilent, Reaction::Land),
     ] {
         let outcome = campaign::fly(world.clone(), vec![injection(kind, duration)], 1);
         assert!(outcome.seen.contains(fault), "{kind:?}: {outcome:?}");
         assert!(outcome.reaction >= reaction, "{kind:?}: {outcome:?}");
         assert_eq!(outcome.failure, None, "{kind:?}");
+    }
+}
+
+/// Flights of the campaign that failed: with poses of a clock that jumps, with motors that started again on the ground, and
+/// with the poses of another body after missing samples.
+#[test]
+fn what_failed_once_is_mended() {
+    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
+    let clock = fault(Kind::CaptureClock, 2.0592582656768093, 2.6022380754951784, 0.16019811796131012, 5);
+    let silence = fault(Kind::CommandsLost, 1.8774138265466533, 1.7121289415127916, 0.6809567021571429, 2);
+    let late = fault(Kind::LineLate, 1.74, 0.16348389710778313, 0.5672472237816106, 12);
+    let other = fault(Kind::CaptureOtherBody, 1.0, 2.0338712583723986, 0.45592490780023376, 16);
+    for (seed, faults) in [(973403, vec![clock]), (974797, vec![silence]), (975012, vec![late, other])] {
+        let outcome = campaign::fly(hovering(), faults, seed);
+        assert_eq!(outcome.failure, None, "{outcome:?}");
     }
 }
 

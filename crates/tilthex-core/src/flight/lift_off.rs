@@ -115,6 +115,9 @@ impl Flight {
             let torque = output.contact(&robot, &self.control.bias_r).torque.norm();
             let wrong = torque > TORQUE * self.controller.weight_at_arm();
             Some(if tilted && wrong { Fault::MotorOrder } else { Fault::LiftOff })
+        } else if self.supervisor.active().contains(Fault::EstimateInconsistent) {
+            // The IMU contradicts poses of a body whose yaw is wrong before any of the signs above shows.
+            Some(Fault::CaptureAxes)
         } else {
             late.then_some(Fault::CaptureLate)
         };

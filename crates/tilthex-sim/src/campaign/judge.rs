@@ -13,6 +13,9 @@ use super::{Injection, World};
 
 /// A vehicle that is farther than this from its start, horizontally or upwards, has flown away, m.
 const FLY_AWAY: f64 = 3.0;
+/// The same for a vehicle that cannot carry itself, because a rotor is lost, or a push is stronger than its rotors, m. While
+/// it lasts, such a push alone carries the vehicle farther.
+const THROWN: f64 = 4.0;
 /// Largest allowed speed of a vehicle that can carry itself, m/s.
 const FAST: f64 = 3.5;
 /// Largest height above the start at which motors may be stopped, m.
@@ -69,8 +72,10 @@ pub(super) struct Judge {
     limits: (f64, f64),
     rotors: usize,
     allocator: Allocator,
-    /// Whether something has pushed the vehicle harder than its rotors can.
-    overwhelmed: bool,
+    /// Speed and distance to which pushes alone that are stronger than the rotors have carried the vehicle, m/s and m.
+    thrown: (f64, f64),
+    /// Time of the last look at the motion, s.
+    looked: f64,
     /// Whether it was in the air.
     pub(super) flew: bool,
     /// When it took off, s.
@@ -93,7 +98,8 @@ impl Judge {
             limits,
             rotors: rotors.len(),
             allocator: Allocator::new(vehicle),
-            overwhelmed: false,
+            thrown: (0.0, 0.0),
+            looked: 0.0,
             flew: false,
             took_off: None,
             falling: 0.0,
@@ -185,12 +191,18 @@ impl Judge {
     pub(super) fn watch(&mut self, world: &World) {
         let robot = world.simulation.truth().robot;
         let way = robot.position_w - self.start;
-        if way.xy().norm() > FLY_AWAY || way.z > FLY_AWAY || !robot.is_finite() {
+        let dt = world.now() - std::mem::replace(&mut self.looked, world.now());
+        if self.overwhelms(world) {
+            let force = world.simulation.pressed_tool_w().force.norm();
+            self.thrown.0 += force / world.simulation.vehicle().mass() * dt;
+            self.thrown.1 += self.thrown.0 * dt;
+        }
+        let carries_itself =
+            self.thrown.1 == 0.0 && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
+        let far = if carries_itself { FLY_AWAY } else { THROWN + self.thrown.1 };
+        if way.xy().norm() > far || way.z > FLY_AWAY || !robot.is_finite() {
             self.fail(world, format_args!("flew away to {:.2?}", robot.position_w.as_slice()));
         }
-        self.overwhelmed |= self.overwhelms(world);
-        let carries_itself =
-            !self.overwhelmed && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
         let speed = robot.velocity_w.norm();
         if speed > FAST && carries_itself {
             self.fail(world, format_args!("flew at {speed:.1} m/s"));
