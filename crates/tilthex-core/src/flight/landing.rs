@@ -4,6 +4,7 @@
 //! the vehicle is unloaded first: its rotors carry less and less of the weight, by command and not by control. A
 //! vehicle that stands on the ground stays at its place; a vehicle in the air moves, and continues to fly.
 
+use super::forced_descent::Forced;
 use crate::types::Vector3;
 
 /// Something must carry this part of the weight before the vehicle is unloaded.
@@ -13,7 +14,7 @@ const SHARE: f64 = 0.3;
 const FOLLOWS: f64 = 0.3;
 const BLOCKED: (f64, f64) = (0.2, 1.0);
 /// A vehicle lies still if it is not faster than this, m/s, for this time, s.
-const STILL: (f64, f64) = (0.3, 0.2);
+pub(super) const STILL: (f64, f64) = (0.3, 0.2);
 /// A force that is felt for this time, s, carries, however the vehicle moves: a vehicle that has toppled, or comes
 /// down without a rotor, bounces.
 const FELT: (f64, f64) = (0.5, 0.1);
@@ -22,7 +23,7 @@ const FELT: (f64, f64) = (0.5, 0.1);
 const LIES_STILL: (f64, f64) = (0.12, 0.25);
 
 /// Parts of the weight that the rotors carry at the begin and at the end of unloading.
-const LOADS: (f64, f64) = (0.7, 0.05);
+pub(super) const LOADS: (f64, f64) = (0.7, 0.05);
 /// Unloading takes this long, s; at the end the vehicle stays unloaded for this long, s, and for this long where
 /// it is higher than the ground that it took off from.
 const UNLOAD: f64 = 0.6;
@@ -35,21 +36,8 @@ const LIES: (f64, f64) = (0.05, -0.05);
 /// A descent fails if something other than the ground has stopped it this often.
 pub(super) const ATTEMPTS: u32 = 4;
 
-/// Forced down: what is carried falls by this part of the weight a second where the vehicle does not sink
-/// faster than this much, m/s, and rises again where it sinks faster than this much.
-const FORCED: f64 = 0.1;
-const FORCED_SPEEDS: (f64, f64) = (0.4, 1.0);
-/// The ground carries a vehicle whose rotors carry at least this much less than its weight, as a part of it, where at least
-/// this part of what they lack is felt, in the mean over this time, s. The speed does not tell: without poses it may be wrong.
-const GROUND_CARRIES: (f64, f64, f64) = (0.08, 0.5, 0.3);
-/// A speed that was found wrong is not used for this time, s, which is enough to feel whether the ground carries.
-const DOUBTED: f64 = 1.5;
 /// Rotors that do not carry a vehicle let it fall within this time, s.
 const RESTS: f64 = 0.3;
-/// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
-const FASTER: f64 = 5.0;
-/// A vehicle that is unloaded by force counts as lying on something after this time, s.
-const FORCED_REST: f64 = 2.0;
 
 /// Measurements that show the ground.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -116,19 +104,6 @@ pub(super) struct Landing {
     attempts: u32,
     /// Set when it is forced down.
     forced: Option<Forced>,
-}
-
-/// A descent by force.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Forced {
-    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing, s.
-    carried: f64,
-    unloaded: f64,
-    /// Mean upward force that is felt, N.
-    felt: f64,
-    /// Distance that it has sunk by its speed, m, and for how long the speed is not used, s.
-    sunk: f64,
-    doubted: f64,
 }
 
 impl Landing {
@@ -230,45 +205,9 @@ impl Landing {
         if self.rests(seen, weight, dt) {
             return Verdict::Down;
         }
-        let begin = Forced { carried: 1.0, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 };
-        let forced = self.forced.get_or_insert(begin);
+        let forced = self.forced.get_or_insert(Forced::BEGIN);
         let (carried, down) = forced.step(seen, weight, dt);
         if down { Verdict::Down } else { Verdict::On([f64::NEG_INFINITY, carried * weight]) }
-    }
-}
-
-impl Forced {
-    /// One tick: returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
-    /// something.
-    fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> (f64, bool) {
-        let placed = seen.above.is_some();
-        let (least, part, mean) = GROUND_CARRIES;
-        let felt = seen.observed_w.map_or(0.0, |force| force.z);
-        self.felt += (felt - self.felt) * (dt / mean).min(1.0);
-        let lacks = 1.0 - self.carried;
-        let stands = !placed && lacks > least && self.felt > part * lacks * weight;
-        self.sunk = if placed { 0.0 } else { (self.sunk - seen.velocity * dt).max(0.0) };
-        self.doubted = (self.doubted - dt).max(0.0);
-        if self.sunk > seen.room {
-            // This is not possible: the ground would have stopped it.
-            (self.sunk, self.doubted) = (0.0, DOUBTED);
-        }
-        let (slow, fast) = FORCED_SPEEDS;
-        let rate = if seen.hopeless {
-            -FORCED
-        } else if stands || seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow {
-            FASTER * -FORCED
-        } else if -seen.velocity < slow || self.doubted > 0.0 {
-            -FORCED
-        } else if -seen.velocity > fast {
-            FASTER * FORCED
-        } else {
-            0.0
-        };
-        self.carried = (self.carried + rate * dt).max(LOADS.1).min(1.0);
-        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || seen.velocity.abs() < STILL.0);
-        self.unloaded = if still { self.unloaded + dt } else { 0.0 };
-        (self.carried, self.unloaded > FORCED_REST)
     }
 }
 

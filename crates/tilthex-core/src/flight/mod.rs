@@ -11,6 +11,7 @@ mod capture;
 mod capture_clock;
 mod descent;
 mod fence;
+mod forced_descent;
 mod guidance;
 mod gyro_doubt;
 mod io;

@@ -1,0 +1,68 @@
+//! The descent of a vehicle that must come down at any cost: its rotors carry less and less of the weight while it does not sink.
+
+use super::landing::{LOADS, STILL, Seen};
+
+/// What is carried falls by this part of the weight a second where the vehicle does not sink
+/// faster than this much, m/s, and rises again where it sinks faster than this much.
+const RATE: f64 = 0.1;
+const SPEEDS: (f64, f64) = (0.4, 1.0);
+/// The ground carries a vehicle whose rotors carry at least this much less than its weight, as a part of it, where at least
+/// this part of what they lack is felt, in the mean over this time, s. The speed does not tell: without poses it may be wrong.
+const GROUND_CARRIES: (f64, f64, f64) = (0.08, 0.5, 0.3);
+/// A speed that was found wrong is not used for this time, s, which is enough to feel whether the ground carries.
+const DOUBTED: f64 = 1.5;
+/// What is carried rises this many times faster, and falls this many times faster at the height of the ground.
+const FASTER: f64 = 5.0;
+/// A vehicle that is unloaded by force counts as lying on something after this time, s.
+const REST: f64 = 2.0;
+
+/// A descent by force.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Forced {
+    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing, s.
+    carried: f64,
+    unloaded: f64,
+    /// Mean upward force that is felt, N.
+    felt: f64,
+    /// Distance that it has sunk by its speed, m, and for how long the speed is not used, s.
+    sunk: f64,
+    doubted: f64,
+}
+
+impl Forced {
+    /// The rotors carry the whole weight.
+    pub(super) const BEGIN: Self = Self { carried: 1.0, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 };
+
+    /// One tick: returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
+    /// something.
+    pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> (f64, bool) {
+        let placed = seen.above.is_some();
+        let (least, part, mean) = GROUND_CARRIES;
+        let felt = seen.observed_w.map_or(0.0, |force| force.z);
+        self.felt += (felt - self.felt) * (dt / mean).min(1.0);
+        let lacks = 1.0 - self.carried;
+        let stands = !placed && lacks > least && self.felt > part * lacks * weight;
+        self.sunk = if placed { 0.0 } else { (self.sunk - seen.velocity * dt).max(0.0) };
+        self.doubted = (self.doubted - dt).max(0.0);
+        if self.sunk > seen.room {
+            // This is not possible: the ground would have stopped it.
+            (self.sunk, self.doubted) = (0.0, DOUBTED);
+        }
+        let (slow, fast) = SPEEDS;
+        let rate = if seen.hopeless {
+            -RATE
+        } else if stands || seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow {
+            FASTER * -RATE
+        } else if -seen.velocity < slow || self.doubted > 0.0 {
+            -RATE
+        } else if -seen.velocity > fast {
+            FASTER * RATE
+        } else {
+            0.0
+        };
+        self.carried = (self.carried + rate * dt).max(LOADS.1).min(1.0);
+        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || seen.velocity.abs() < STILL.0);
+        self.unloaded = if still { self.unloaded + dt } else { 0.0 };
+        (self.carried, self.unloaded > REST)
+    }
+}
