@@ -7,6 +7,8 @@ SEED ?= 1
 # A target without an operating system, for the crates that need none.
 NO_STD_TARGET ?= thumbv7em-none-eabihf
 BIN := $(VENV)/bin
+# Whether the documentation site has the pages of the Rust crates.
+RUST ?= 1
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 
 .PHONY: help demo test lint rust-test python-test bench bench-rt campaign results wheel clean
@@ -19,6 +21,7 @@ help:
 	@echo "make bench-rt  the loop's timing on this machine"
 	@echo "make campaign  the fault campaign: N flights, from SEED on"
 	@echo "make results   runs what docs/results shows, and writes it"
+	@echo "make docs      the documentation site, into site; RUST=0 leaves out the pages of the Rust crates"
 	@echo "make wheel     an installable wheel with both programs, into dist"
 	@echo "make clean     remove what was built"
 
@@ -115,6 +118,19 @@ results: install
 	cargo build --release --locked --quiet -p tilthex-rt
 	python -m benchmarks.results
 
+# The site, with warnings as errors. The tutorials are run; KEEP=1 takes those that ran before.
+.PHONY: docs
+docs: $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check '.[docs]'
+ifneq ($(RUST),0)
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
+endif
+	python packaging/pages.py $(if $(KEEP),--keep) $(if $(filter-out 0,$(RUST)),--rust)
+	zensical build --clean --strict
+ifneq ($(RUST),0)
+	cp -r target/doc site/rust
+endif
+
 clean:
 	cargo clean
-	rm -rf $(VENV) dist out
+	rm -rf $(VENV) dist out site .cache

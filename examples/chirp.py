@@ -16,9 +16,7 @@
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
 # %%
-import os
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 from tilthex.experiments import spec
@@ -28,14 +26,6 @@ from tilthex.experiments.found import judge_of
 from tilthex.experiments.report import text_table
 from tilthex.experiments.world import PERIOD
 from tilthex.wrenches import without_phase
-
-
-def show(name: str) -> None:
-    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
-    if "TILTHEX_OUT" in os.environ:
-        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
-    plt.show()
-
 
 # %% [markdown]
 # The configuration is one TOML file; these are its parameters.
@@ -60,4 +50,4 @@ error = observed - true
 plt.plot(chirp_frequency(run, record.time), abs(error[:, [0, 2]]), lw=0.8)
 plt.xlabel("frequency (Hz)")
 plt.ylabel("force error along x and z (N)")
-show("chirp")
+plt.show()

@@ -16,23 +16,13 @@
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
 # %%
-import os
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 from tilthex.experiments import spec
 from tilthex.experiments.flight import fly
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.report import text_table
-
-
-def show(name: str) -> None:
-    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
-    if "TILTHEX_OUT" in os.environ:
-        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
-    plt.show()
-
 
 # %% [markdown]
 # The configuration is one TOML file; these are its parameters.
@@ -57,4 +47,4 @@ for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
 plt.xlabel("time (s)")
 plt.ylabel("tool force (N)")
 plt.legend()
-show("multi_contact")
+plt.show()

@@ -16,9 +16,7 @@
 # Run as a notebook (with jupytext) or as a script; `--full` flies every run at its whole length.
 
 # %%
-import os
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 from tilthex.experiments import spec
@@ -26,14 +24,6 @@ from tilthex.experiments.flight import fly
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.peg_in_hole import axis_angle, insertion
 from tilthex.experiments.report import text_table
-
-
-def show(name: str) -> None:
-    """Shows a figure in a notebook; in a script, writes it to the folder $TILTHEX_OUT if that is set."""
-    if "TILTHEX_OUT" in os.environ:
-        plt.savefig(Path(os.environ["TILTHEX_OUT"]) / f"{name}.png")
-    plt.show()
-
 
 # %% [markdown]
 # The configuration is one TOML file; these are its parameters.
@@ -59,5 +49,5 @@ above.set_ylabel("depth in the tube (mm)")
 below.plot(record.time, axis_angle(run, record))
 below.set_ylabel("angle to the hole (deg)")
 below.set_xlabel("time (s)")
-show("peg_in_hole")
+plt.show()
 print(insertion(run, record))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -52,6 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for add_parser in COMMANDS:
         add_parser(commands)
     chosen = parser.parse_args(arguments)
+    # The commands draw into files; whoever draws with the library, in a notebook for example, sees figures.
+    os.environ.setdefault("MPLBACKEND", "Agg")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("once", LogCut)

@@ -39,9 +39,6 @@ def _run(arguments: argparse.Namespace) -> None:
 def figure(path: str | Path) -> Figure:
     """Tool position, errors, wrenches and rotor speeds over time."""
     try:
-        import matplotlib
-
-        matplotlib.use("Agg")
         import matplotlib.pyplot as plt
     except ImportError as error:
         raise ImportError(
