@@ -18,6 +18,8 @@
 # tool, in world coordinates: z is up, and the rotation is a matrix.
 
 # %%
+import textwrap
+
 import matplotlib.pyplot as plt
 import numpy as np
 import tilthex
@@ -32,7 +34,7 @@ push = {"at": 1.0, "duration": 8.0, "force": [1.4, 0, 0]}
 
 # %%
 run = tilthex.simulate(config, duration=14.0, setpoint=home, pushes=[push])
-print(", ".join(run))
+print(textwrap.fill(", ".join(run)))
 
 # %% [markdown]
 # ## Who pushed?

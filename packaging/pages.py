@@ -1,6 +1,6 @@
 """Lays out the pages of the documentation site for `make docs`; `zensical.toml` has its navigation.
 
-The pages are README.md, CHANGELOG.md, CONTRIBUTING.md and the files of `docs/`, at the same places as in the
+The pages are the files of `docs/` and those beside it, at the same places as in the
 repository, so their links hold in both. Beside them are made, in the folder that `docs_dir` names:
 
 - for each notebook of `examples/` a page with what it prints and draws when it runs;
@@ -66,7 +66,7 @@ def entries(nav: list[dict[str, Any]]) -> Iterator[str]:
 def source_of(page: str) -> str:
     """The file of the repository from which a page of the site is made."""
     path = page.removesuffix(".md")
-    if page.startswith("examples/"):
+    if (ROOT / f"{path}.py").is_file():
         return f"{path}.py"
     return path if "." in Path(path).name else page
 
@@ -85,7 +85,10 @@ def is_notebook(path: Path) -> bool:
 
 def pages() -> list[str]:
     """The Markdown files of the repository that are pages of the site."""
-    top = [ROOT / name for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md")]
+    top = [
+        ROOT / name
+        for name in ("README.md", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "examples/README.md")
+    ]
     found = [path for path in top if path.is_file()] + sorted((ROOT / "docs").rglob("*.md"))
     return [path.relative_to(ROOT).as_posix() for path in found]
 
@@ -146,8 +149,9 @@ def led(page: str, text: str, leads: set[str], rust: bool) -> str:
             return os.path.relpath(path, folder)
         source = path.relative_to(ROOT).as_posix()
         if rust and (crate := CRATE.fullmatch(source)):
-            # A page is a folder of the site, so its own name is one more to leave.
-            up = os.path.relpath(ROOT / "rust" / crate[1].replace("-", "_"), (ROOT / page).with_suffix(""))
+            # Each page is a folder of the site, except those that are the index of theirs.
+            at = folder if Path(page).stem == "README" else (ROOT / page).with_suffix("")
+            up = os.path.relpath(ROOT / "rust" / crate[1].replace("-", "_"), at)
             return f"{up}/index.html"
         if not is_notebook(path):
             leads.add(source)
@@ -162,23 +166,30 @@ def indented(text: str) -> str:
     In the repository the text of an item is indented as far as its marker (CommonMark).
     """
     columns: list[int] = []
+    # For each open list, whether its item has more than one paragraph.
+    long: list[bool] = []
     lines: list[str] = []
     was_outside = True
     for line, outside in outside_code(text):
+        if not line.strip():
+            long = [True] * len(long)
+            lines.append("")
+            continue
         indentation = len(line) - len(line.lstrip())
         item = ITEM.match(line) if outside else None
-        follows = False
-        if line.strip() and (outside or was_outside):
+        closed: list[bool] = []
+        if outside or was_outside:
             while columns and indentation < columns[-1]:
                 columns.pop()
-                follows = True
-        inner = columns[-1] if columns else 0
+                closed.append(long.pop())
+        depth, inner = len(columns), columns[-1] if columns else 0
         if item:
-            if not follows and not columns and lines and lines[-1]:
+            begins = not closed and depth == 0
+            if (begins or any(closed)) and lines and lines[-1]:
                 lines.append("")
             columns.append(item.end())
-        depth = len(columns) - bool(item)
-        lines.append(" " * (4 * depth + max(indentation - inner, 0)) + line.lstrip() if line.strip() else "")
+            long.append(False)
+        lines.append(" " * (4 * depth + max(indentation - inner, 0)) + line.lstrip())
         was_outside = outside
     return "\n".join(lines) + "\n"
 
@@ -205,6 +216,7 @@ def execute(notebook: str, folder: Path) -> None:
                 kernel_name="python3",
                 resources={"metadata": {"path": work}},
                 timeout=ALLOWED,
+                coalesce_streams=True,
             ).execute()
         except CellExecutionError as error:
             sys.exit(f"{notebook} does not run:\n{error}")
@@ -241,6 +253,8 @@ def lay_out(stage: Path, keep: bool, rust: bool) -> None:
         language = LANGUAGES.get(Path(source).suffix, "text")
         _write(stage / page_of(source), f"# {source}\n\n~~~~{language}\n{text.rstrip()}\n~~~~\n")
     shutil.copytree(ROOT / "docs" / "images", stage / "docs" / "images")
+    for style in settings()["extra_css"]:
+        shutil.copy(ROOT / style, stage / style)
     EXECUTED.mkdir(parents=True, exist_ok=True)
     for notebook in notebooks():
         stem = Path(notebook).stem

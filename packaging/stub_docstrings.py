@@ -12,7 +12,7 @@ import griffe
 COMPILED = "tilthex._core"
 
 
-class StubDocstrings(griffe.Extension):
+class StubDocstrings(griffe.Extension):  # type: ignore[misc]
     """Takes each docstring from the installed module, at the name that the stub gives it."""
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:

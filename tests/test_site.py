@@ -94,6 +94,7 @@ def test_exit_statuses_are_those_of_the_program():
     ("written", "shown"),
     [
         ("1. a\n   b\n   - c\n     d\n2. e\n", "1. a\n    b\n    - c\n        d\n2. e\n"),
+        ("1. a\n\n   b\n2. c\n", "1. a\n\n    b\n\n2. c\n"),
         ("text:\n- a\n- b\nand\n", "text:\n\n- a\n- b\nand\n"),
         ("- a\n\n  ```sh\n  x\n    y\n  ```\n", "- a\n\n    ```sh\n    x\n      y\n    ```\n"),
         ("    code\n\n- a\n\n      code\n", "    code\n\n- a\n\n        code\n"),
