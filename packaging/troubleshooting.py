@@ -136,6 +136,7 @@ SYMPTOMS = (
             "IMU out of range",
             "motor data stale",
             "pose late",
+            "capture clock",
             "loop overrun",
             "log lost",
         ),
