@@ -15,6 +15,7 @@
 
 # %%
 import subprocess
+import textwrap
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -23,12 +24,12 @@ from tilthex import log
 
 Path("push.toml").write_text("""
 [[push]]
-at = 8.0
-duration = 2.0
+at = 7.5
+duration = 1.5
 force = [1.4, 0.0, 0.0]
 """)
-call = "tilthex-rt --sim --take-off --duration 5 --pushes push.toml --log flight.mcap --overwrite"
-subprocess.run(call.split(), check=True, capture_output=True)
+call = "tilthex-rt --sim --take-off --duration 6 --pushes push.toml --log flight.mcap --overwrite"
+_ = subprocess.run(call.split(), check=True, capture_output=True)
 
 # %% [markdown]
 # ## What is in it
@@ -41,7 +42,7 @@ flight = log.Log("flight.mcap")
 for topic, count in sorted(flight.topics.items()):
     print(f"{topic:12} {count:6} messages")
 state, wrench, phases, truth = (flight.columns(name) for name in ("/state", "/wrench", "/flight", "/truth"))
-print("\ncolumns of /wrench:", ", ".join(wrench))
+print(textwrap.fill("columns of /wrench: " + ", ".join(wrench)))
 
 # %% [markdown]
 # ## Phases, position, wrench

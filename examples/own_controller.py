@@ -7,7 +7,7 @@
 # ---
 
 # %% [markdown]
-# # An own controller
+# # Your own controller
 #
 # Each block of the controller is a class of its own, with a `step`. So one block can be replaced, here
 # the admittance filter: a law of your own in Python, between the wrench observer, the pose controller and
@@ -28,7 +28,7 @@ LEVEL, HOME = np.eye(3), np.array([0.0, 0.0, 1.0])
 # %% [markdown]
 # ## The law
 #
-# A mass with a damper, and a spring that saturates: beyond a force of `LARGEST` the tool gives way, so a
+# A mass with a damper, and a spring that saturates: beyond the force `largest` the tool gives way, so a
 # strong push never meets more than this force.
 
 # %%

@@ -7,7 +7,7 @@
 # ---
 
 # %% [markdown]
-# # An own experiment
+# # Your own experiment
 #
 # An experiment is a TOML file: a vehicle, changes of the configuration, a scene, way-points and runs that
 # differ in a few keys. MuJoCo simulates the world; `pip install '.[experiments]'` brings it. This one

@@ -7,7 +7,7 @@
 # ---
 
 # %% [markdown]
-# # An own vehicle
+# # Your own vehicle
 #
 # A vehicle is a TOML file: its mass, its inertia, its rotors, and where the tool is. This one is a
 # hexarotor whose rotors are tilted by 25 degrees.
