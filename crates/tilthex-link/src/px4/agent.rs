@@ -1,4 +1,4 @@
-//! The agent's end of a session: it answers the client's requests, knows its topics, and finds their data.
+//! The agent's end of a session: it answers the client's requests, and finds the data of the topics that it knows.
 
 use super::{
     entity::{Entity, TopicName},
@@ -12,29 +12,29 @@ use super::{
 };
 use crate::{Outgoing, bump};
 
-/// Answers that may wait for the next tick; the client asks three questions at a time.
+/// Number of answers that can wait for the end of a tick. The client sends three requests at a time.
 const MAX_ANSWERS: usize = 16;
 /// Longest message to the client, bytes.
 const LONGEST: usize = 160;
 
-/// An answer that has not been sent, and the stream it belongs to.
+/// An answer that has not been sent yet.
 #[derive(Clone, Copy, Debug)]
 enum Answer {
     Began,
     Ended(Request),
     Done(Request),
-    /// Whether the agent is there, in a message of a session.
+    /// The agent exists. The number is that of the session in which the client asked.
     There(Request, u8),
     Clock(Time),
 }
 
-/// What a client has made of a topic.
+/// The objects that a client has created for a topic.
 #[derive(Clone, Copy, Debug, Default)]
 struct Known {
     topic: Option<ObjectId>,
     writer: Option<ObjectId>,
     reader: Option<ObjectId>,
-    /// The request that wants its data.
+    /// The request that asks for its data.
     wanted: Option<Request>,
 }
 
@@ -43,16 +43,16 @@ struct Known {
 pub(super) struct Agent {
     session: Option<u8>,
     known: [Known; Topic::COUNT],
-    /// The next message of the client's reliable stream, and the newest that it has told of.
+    /// The number of the next message in the client's reliable stream, and that of the newest that it has announced.
     expected: u16,
     newest: u16,
     acknowledge: bool,
-    /// The newest message of its best-effort stream.
+    /// The number of the newest message in its best-effort stream.
     last: Option<u16>,
-    /// The number of the next message to it.
+    /// The number of the next message to the client.
     sequence: u16,
     answers: [Option<Answer>; MAX_ANSWERS],
-    /// Whether a session has ever begun, and whether another one has begun since the last question.
+    /// Whether any session has begun, and whether another one has begun since the last call of [`Self::began_anew`].
     earlier: bool,
     began_anew: bool,
     messages: u32,
@@ -78,13 +78,13 @@ impl Default for Agent {
     }
 }
 
-/// Whether a number of a stream is newer than another one.
+/// Whether a sequence number of a stream is newer than another one.
 fn is_newer(number: u16, than: u16) -> bool {
     (1..0x8000).contains(&number.wrapping_sub(than))
 }
 
 impl Agent {
-    /// Takes a message; `each` gets the data of the topics that are known. Whether it was one for this agent.
+    /// Takes a message, and calls `each` with the data of known topics. Returns false if a part of it is malformed.
     pub(super) fn take(&mut self, bytes: &[u8], mut each: impl FnMut(Topic, &[u8])) -> bool {
         let Some(message) = Message::parse(bytes) else {
             bump(&mut self.refused);
@@ -109,7 +109,7 @@ impl Agent {
         understood
     }
 
-    /// Whether a message holds data of a topic; nothing of it is taken.
+    /// Whether a message holds data of a topic. Does not change the agent.
     pub(super) fn finds(&self, bytes: &[u8], topic: Topic) -> bool {
         let of_topic = |found: Option<FromClient<'_>>| match found {
             Some(FromClient::WriteData(object, _)) => self.written_by(object) == Some(topic),
@@ -120,7 +120,7 @@ impl Agent {
             .is_some_and(|message| message.from_client().any(of_topic))
     }
 
-    /// Whether a message is neither an old one nor ahead of one that is missing.
+    /// Whether the agent takes the message now: it is not old, and in a reliable stream no earlier one is missing.
     fn is_next(&mut self, header: &Header) -> bool {
         if header.stream == NO_STREAM {
             return true;
@@ -235,12 +235,12 @@ impl Agent {
             .map(|(topic, _)| topic)
     }
 
-    /// Whether the client has made the writer of a topic.
+    /// Whether the client has created the writer of a topic.
     pub(super) fn publishes(&self, topic: Topic) -> bool {
         self.known.get(topic as usize).is_some_and(|known| known.writer.is_some())
     }
 
-    /// Whether the client wants the data of a topic.
+    /// Whether the client asks for the data of a topic.
     pub(super) fn wants(&self, topic: Topic) -> bool {
         self.known.get(topic as usize).is_some_and(|known| known.wanted.is_some())
     }
@@ -250,7 +250,7 @@ impl Agent {
         self.session.is_some()
     }
 
-    /// Whether a client has begun a session after an earlier one since the last question.
+    /// Whether, since the last call, a client has begun a session that was not the first.
     pub(super) fn began_anew(&mut self) -> bool {
         core::mem::take(&mut self.began_anew)
     }
@@ -260,7 +260,7 @@ impl Agent {
         (self.messages, self.refused)
     }
 
-    /// Sends data of a topic that the client wants.
+    /// Sends a message of a topic, if the client asks for it.
     pub(super) fn send<T: TopicMessage>(&mut self, message: &T, out: &mut Outgoing) {
         let wanted = self.known.get(T::TOPIC as usize).and_then(|known| known.wanted);
         let Some((request, session)) = wanted.zip(self.session) else { return };
@@ -274,7 +274,7 @@ impl Agent {
         }
     }
 
-    /// Sends the answers that wait, as far as they fit; `now` is the time that the client is told, s.
+    /// Sends the answers that wait, as many as fit. `now` is the agent's time that the client gets, s.
     pub(super) fn answer_all(&mut self, now: f64, out: &mut Outgoing) {
         for slot in 0..MAX_ANSWERS {
             let Some(answer) = self.answers.get(slot).copied().flatten() else { continue };
@@ -287,7 +287,7 @@ impl Agent {
         }
         if let Some(session) = self.session.filter(|_| self.acknowledge) {
             let first = self.expected;
-            // The client only asks whether anything is missing: it sends all of it again.
+            // The client only tests whether any message is missing. If one is, it sends all of them again.
             let missing = u16::from(!is_newer(first, self.newest));
             let draft = stated(session, &FromAgent::AckNack { first, missing, stream: RELIABLE });
             self.acknowledge = !append(&draft, out);
@@ -330,7 +330,7 @@ impl Agent {
         }
     }
 
-    /// Keeps an answer for the end of the tick; the client asks again where there is no room.
+    /// Keeps an answer for the end of the tick. If there is no room, the answer is lost, and the client asks again.
     fn answer(&mut self, answer: Answer) {
         if let Some(free) = self.answers.iter_mut().find(|slot| slot.is_none()) {
             *free = Some(answer);
@@ -338,14 +338,14 @@ impl Agent {
     }
 }
 
-/// A message that belongs to no stream.
+/// A message outside of any stream.
 fn stated(session: u8, submessage: &FromAgent<'_>) -> Draft<LONGEST> {
     let mut draft = Draft::new(Header { session, stream: NO_STREAM, sequence: 0 });
     draft.agent(submessage);
     draft
 }
 
-/// Appends a message as a frame; whether it fitted.
+/// Appends a message as a frame. Returns whether it fitted.
 fn append<const N: usize>(draft: &Draft<N>, out: &mut Outgoing) -> bool {
     let before = out.bytes().len();
     out.append(|free| frame::encode(AGENT, CLIENT, draft.bytes(), free));

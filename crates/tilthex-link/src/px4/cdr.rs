@@ -1,13 +1,13 @@
-//! CDR (OMG DDSI-RTPS, XCDR1), low byte first: numbers at multiples of their size from the start of the data.
+//! CDR (OMG DDSI-RTPS, XCDR1), low byte first. Each number begins at a multiple of its size from the start of the data.
 
-/// Reads numbers one after the other; `None` past the end.
+/// Reads numbers one after the other. Returns `None` after the end of the data.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reader<'a> {
     bytes: &'a [u8],
     at: usize,
 }
 
-/// Makes the functions that read and write a number.
+/// Defines the functions that read and write a number.
 macro_rules! numbers {
     ($($name:ident: $number:ty,)+) => {
         impl Reader<'_> {
@@ -52,27 +52,27 @@ impl<'a> Reader<'a> {
         self.at = self.at.wrapping_add(SIZE - 1) & !(SIZE - 1);
     }
 
-    /// The next bytes, not aligned.
+    /// The next `N` bytes, not aligned.
     pub(super) fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
         let found = *self.bytes.get(self.at..)?.first_chunk()?;
         self.at = self.at.wrapping_add(N);
         Some(found)
     }
 
-    /// The next bytes, a number of them.
+    /// The next `length` bytes.
     pub(super) fn slice(&mut self, length: usize) -> Option<&'a [u8]> {
         let (found, _) = self.bytes.get(self.at..)?.split_at_checked(length)?;
         self.at = self.at.wrapping_add(length);
         Some(found)
     }
 
-    /// A sequence of bytes: their number (u32), then they themselves.
+    /// A sequence of bytes: first their number (u32), then the bytes.
     pub(super) fn sequence(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.slice(usize::try_from(length).ok()?)
     }
 
-    /// A string: a sequence that ends with 0, which is left out.
+    /// A string: a sequence that ends with 0. The 0 is not returned.
     pub(super) fn string(&mut self) -> Option<&'a [u8]> {
         match self.sequence()?.split_last()? {
             (0, text) => Some(text),
@@ -80,7 +80,7 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// What has not been read.
+    /// The bytes that have not been read.
     pub(super) fn rest(&self) -> &'a [u8] {
         self.bytes.get(self.at..).unwrap_or(&[])
     }
@@ -99,7 +99,7 @@ impl<'a> Writer<'a> {
         Self { out, at: 0, fits: true }
     }
 
-    /// Fills up with zeros to a multiple of `SIZE`, a power of two.
+    /// Pads with zeros to a multiple of `SIZE`, a power of two.
     pub(super) fn align<const SIZE: usize>(&mut self) {
         while self.fits && self.at & (SIZE - 1) != 0 {
             self.bytes(&[0]);
@@ -117,7 +117,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    /// A sequence of bytes: their number (u32), then they themselves.
+    /// A sequence of bytes: first their number (u32), then the bytes.
     #[cfg(feature = "board")]
     pub(super) fn sequence(&mut self, bytes: &[u8]) {
         self.u32(bytes.len() as u32);
@@ -132,7 +132,7 @@ impl<'a> Writer<'a> {
         self.bytes(&[0]);
     }
 
-    /// How many bytes were written; `None` if they did not all fit.
+    /// Number of bytes that were written; `None` if they did not all fit.
     pub(super) fn length(&self) -> Option<usize> {
         self.fits.then_some(self.at)
     }

@@ -1,4 +1,4 @@
-//! Sentences for a person: why the link is not ready.
+//! Sentences for the operator that say why the link is not ready.
 
 use super::{esc_status::EscStatus, topics::Topic};
 use core::fmt;
@@ -6,22 +6,22 @@ use core::fmt;
 /// Why the link is not ready.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Complaint {
-    /// PX4 does not send the topic at all.
+    /// PX4 does not publish the topic.
     Missing(Topic),
-    /// It arrives too rarely.
+    /// A topic arrives at too low a rate.
     Slow {
         /// The topic.
         topic: Topic,
-        /// How often it arrives, Hz.
+        /// Its rate, Hz.
         found: f64,
-        /// How often it is expected, Hz.
+        /// The expected rate, Hz.
         expected: f64,
     },
-    /// Its messages have another form than the link knows.
+    /// The messages of the topic have a form that the link does not know.
     Unreadable(Topic),
-    /// PX4 does not take the topic.
+    /// PX4 does not subscribe to the topic.
     Unwanted(Topic),
-    /// PX4 is armed, and not by this link.
+    /// PX4 is armed, and this link has not armed it.
     Armed,
 }
 
@@ -38,11 +38,11 @@ impl fmt::Display for Complaint {
         };
         match *self {
             Self::Missing(topic) => {
-                write!(f, "PX4 does not send {}; expected it: ", topic.name())?;
+                write!(f, "PX4 does not publish {}; the link needs it: ", topic.name())?;
                 add(f, topic, "publications:")
             }
             Self::Unwanted(topic) => {
-                write!(f, "PX4 does not take {}; expected it to: ", topic.name())?;
+                write!(f, "PX4 does not subscribe to {}; the link needs it: ", topic.name())?;
                 add(f, topic, "subscriptions:")
             }
             Self::Slow { topic, found, expected } => {
@@ -59,7 +59,7 @@ impl fmt::Display for Complaint {
                 f.write_str(parameter)
             }
             Self::Armed => f.write_str(
-                "PX4 is armed, and a pilot or PX4 itself may fly the vehicle; expected it disarmed: land it and disarm it",
+                "PX4 is armed, and a pilot or PX4 itself may fly the vehicle; expected a disarmed vehicle: land it and disarm it",
             ),
             Self::Unreadable(topic) => write!(
                 f,

@@ -1,4 +1,4 @@
-//! What a client creates, in binary form or as XML.
+//! The objects that a client creates, described in binary form or as XML.
 
 #[cfg(feature = "board")]
 use super::cdr::Writer;
@@ -7,20 +7,20 @@ use super::{cdr::Reader, message::ObjectId};
 /// How a writer or reader names its topic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopicName<'a> {
-    /// By an object that was created before.
+    /// By the object of the topic, which was created before.
     Object(ObjectId),
     /// By its name.
     Text(&'a [u8]),
 }
 
-/// What a client creates.
+/// An object that a client creates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Entity<'a> {
     /// A topic with a name.
     Topic(&'a [u8]),
-    /// What it sends data with.
+    /// The object with which the client sends data.
     Writer(TopicName<'a>),
-    /// What it receives data with.
+    /// The object with which the client receives data.
     Reader(TopicName<'a>),
     /// Anything else: a participant, a publisher, a subscriber, a replier.
     Other,
@@ -58,7 +58,7 @@ impl<'a> Entity<'a> {
         }
     }
 
-    /// The binary form; a topic that is named in text is written as XML.
+    /// Writes the binary form. A writer or reader that names its topic in text is written as XML.
     #[cfg(feature = "board")]
     pub(super) fn write(&self, writer: &mut Writer<'_>) {
         let text = |kind, name: &[u8], writer: &mut Writer<'_>| {
@@ -71,7 +71,7 @@ impl<'a> Entity<'a> {
             Self::Topic(name) => {
                 writer.bytes(&[TOPIC, IN_BINARY]);
                 writer.align::<4>();
-                // The name, that no type is referred to, and that none is named.
+                // The name, then two flags: no reference to a type follows, and no name of a type.
                 writer.u32(name.len() as u32 + 7);
                 writer.string(name);
                 writer.bytes(&[0, 0]);

@@ -1,40 +1,40 @@
-//! What PX4's motor controllers measure: `px4_msgs::msg::EscStatus` of 1.14 to 1.16.
+//! The measurements of PX4's motor controllers: `px4_msgs::msg::EscStatus` of PX4 1.14 to 1.16.
 
 use super::{
     cdr::{Reader, Writer},
     topics::{Topic, TopicMessage},
 };
 
-/// Motor controllers of [`EscStatus`].
+/// Number of motor controllers in [`EscStatus`].
 pub const ESCS: usize = 8;
-/// What PX4 calls its first motor among the functions of an output; the others follow.
+/// PX4's number of the output function "motor 1". Motor `n` has the number `FIRST_MOTOR + n - 1`.
 pub const FIRST_MOTOR: u8 = 101;
-/// The bit of a controller that cannot turn its motor.
+/// The failure bit of a controller that cannot turn its motor.
 pub const STUCK: u16 = 1 << 5;
 
-/// What one motor controller measures.
+/// The measurements of one motor controller.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EscReport {
     /// Its time, us.
     pub timestamp: u64,
-    /// Speed, revolutions a minute, negative in reverse.
+    /// Speed, revolutions per minute, negative in reverse.
     pub rpm: i32,
     /// Voltage, V.
     pub voltage: f32,
     /// Current, A.
     pub current: f32,
-    /// The motor that it drives, from [`FIRST_MOTOR`] on; 0 where it does not say.
+    /// The output function of its motor, counted from [`FIRST_MOTOR`]; 0 if the controller does not report it.
     pub function: u8,
-    /// Failures, a bit each.
+    /// Failures, one bit for each kind.
     pub failures: u16,
 }
 
-/// What all motor controllers measure.
+/// The measurements of all motor controllers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct EscStatus {
     /// Its time, us.
     pub timestamp: u64,
-    /// How many controllers there are.
+    /// Number of controllers.
     pub count: u8,
     /// Bit `i` is set if controller `i` answers.
     pub online: u8,
@@ -43,7 +43,7 @@ pub struct EscStatus {
 }
 
 impl EscStatus {
-    /// The length of its data, bytes. Later versions of PX4 have another one.
+    /// The length of its data, bytes. Later versions of PX4 use another length.
     pub const LENGTH: usize = 331;
 }
 
@@ -51,7 +51,7 @@ impl TopicMessage for EscStatus {
     const TOPIC: Topic = Topic::EscStatus;
 
     fn read(data: &[u8]) -> Option<Self> {
-        // Some writers fill up to a multiple of eight bytes.
+        // Some writers pad the data to a multiple of eight bytes.
         if !(Self::LENGTH..=Self::LENGTH.next_multiple_of(8)).contains(&data.len()) {
             return None;
         }

@@ -1,14 +1,14 @@
-//! The serial framing of DDS-XRCE (OMG DDS-XRCE 1.0, annex C): messages to bytes and back. A datagram needs none.
+//! The serial framing of DDS-XRCE (OMG DDS-XRCE 1.0, annex C): messages to bytes and back. Datagrams have no framing.
 //!
-//! `0x7e source destination length message crc`: the length and the CRC are 16 bits, low byte first. Behind the first
-//! byte, 0x7e and 0x7d are sent as 0x7d and the byte with bit 5 changed. The CRC is that of the message alone:
-//! polynomial 0x8005, bits reflected, from 0.
+//! `0x7e source destination length message crc`: the length and the CRC have 16 bits, low byte first. After the first
+//! byte, 0x7e and 0x7d are sent as 0x7d followed by the byte with bit 5 changed. The CRC covers the message alone:
+//! polynomial 0x8005, reflected bits, initial value 0.
 
 use crate::{bump, outgoing::write_frame};
 
 /// Longest message, bytes.
 pub const MAX_MESSAGE: usize = 1280;
-/// The agent's address on the line; tilthex is the agent.
+/// The agent's address on the line. The agent is tilthex.
 pub const AGENT: u8 = 0;
 /// The client's address on the line.
 pub const CLIENT: u8 = 1;
@@ -40,9 +40,8 @@ fn crc_with(crc: u16, byte: u8) -> u16 {
     crc >> 8 ^ CRC_TABLE[usize::from(low ^ byte)]
 }
 
-/// Writes a message as a frame to `destination` and returns its length, bytes. If the frame does not fit, or the message
-/// is longer than [`MAX_MESSAGE`], returns 0, and `out` holds no complete frame. `2 * length + 13` bytes are always
-/// enough.
+/// Writes a message as a frame to `destination` and returns its length, bytes. Returns 0 if the frame does not fit or the
+/// message is longer than [`MAX_MESSAGE`]; `out` then holds no complete frame. `2 * length + 13` bytes are always enough.
 #[must_use = "the length says what to send"]
 pub fn encode(source: u8, destination: u8, message: &[u8], out: &mut [u8]) -> usize {
     if message.len() > MAX_MESSAGE {
@@ -69,12 +68,12 @@ pub fn encode(source: u8, destination: u8, message: &[u8], out: &mut [u8]) -> us
     })
 }
 
-/// What the framing let through and what it refused. The counts saturate.
+/// Frames that the decoder accepted and refused. The counts saturate.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FrameCounters {
-    /// Whole messages for this end.
+    /// Complete messages for this address.
     pub whole: u32,
-    /// Frames cut by the start of the next one.
+    /// Frames that ended early because the next one began.
     pub cut: u32,
     /// Frames with a wrong CRC.
     pub wrong_crc: u32,
@@ -121,7 +120,7 @@ pub struct Decoder {
 }
 
 impl Decoder {
-    /// A decoder that takes the frames for an address.
+    /// A decoder that accepts the frames for one address.
     #[must_use]
     pub fn new(address: u8) -> Self {
         Self {
@@ -137,7 +136,7 @@ impl Decoder {
         }
     }
 
-    /// Takes the next byte; the message that it completes, if it does.
+    /// Takes the next byte, and returns the message if the byte completes one.
     pub fn push(&mut self, byte: u8) -> Option<&[u8]> {
         if byte == BEGIN {
             if self.state != State::Outside {
@@ -158,7 +157,7 @@ impl Decoder {
         if self.advance(byte) { self.bytes.get(..self.length) } else { None }
     }
 
-    /// Takes a byte of a frame; whether it completes a message.
+    /// Takes a byte of a frame. Returns whether it completes a message.
     fn advance(&mut self, byte: u8) -> bool {
         self.state = match self.state {
             State::Outside => State::Outside,
@@ -206,7 +205,7 @@ impl Decoder {
         false
     }
 
-    /// What was let through and refused so far.
+    /// What was accepted and refused since the start.
     #[must_use]
     pub fn counters(&self) -> FrameCounters {
         self.counters

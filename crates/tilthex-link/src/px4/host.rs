@@ -1,4 +1,4 @@
-//! The host's end of the conversation: the streams that come, throttles, the offboard mode, arming and disarming.
+//! The host's end of the link: it receives the streams, sends throttles, asks for the offboard mode, arms and disarms.
 
 use super::{
     agent::Agent,
@@ -27,23 +27,23 @@ use tilthex_core::{
 /// The link gives up if no client has begun a session for this long, s. A client that was in a session with another agent
 /// needs about 5 s to notice that this agent is gone.
 const PATIENCE: f64 = 15.0;
-/// Between two messages that keep the offboard mode active, s. Each comes with a new command.
+/// Time between two messages that keep the offboard mode active, s. Each is sent with a new command.
 const HEARTBEAT_EVERY: f64 = 0.019;
-/// Between two orders to the flight board, s.
+/// Time between two orders to the flight board, s.
 const ORDER_EVERY: f64 = 0.2;
-/// Between the motors of the check the vehicle stays armed for this long, s.
+/// When motors are tried one by one, the vehicle stays armed for this time between two of them, s.
 const STAYS_ARMED: f64 = 0.5;
-/// Motors that were driven are disarmed for at least this long, even if the vehicle reports that it is disarmed, s.
+/// After a flight the host disarms for at least this time, s, even if the vehicle reports that it is disarmed.
 const INSIST: f64 = 0.5;
-/// A time before any, s.
+/// A time earlier than every real time, s.
 const LONG_AGO: f64 = -1e9;
-/// What a frame adds to a sample: the framing, the header and the object, bytes.
+/// Bytes that a frame adds to a sample: the framing, the header and the object.
 const AROUND: u16 = 7 + 8 + 4;
 
-/// What the motors were told last.
+/// The newest command to the motors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
-    /// Nothing yet, or the vehicle is disarmed since. Others may fly it: a pilot, or PX4's failsafe after another program.
+    /// No command, or the vehicle is disarmed since. A pilot may fly it, or PX4's failsafe after another program.
     Nothing,
     Stop,
     Kill,
@@ -51,7 +51,7 @@ enum Told {
     All,
 }
 
-/// What the streams have brought.
+/// What the streams have delivered.
 #[derive(Clone, Debug)]
 struct Streams {
     inertial: InertialStream,
@@ -102,7 +102,7 @@ impl Streams {
 #[derive(Clone, Debug)]
 pub struct Host {
     decoder: Decoder,
-    /// Decodes the same bytes earlier, for `look`.
+    /// Decodes the same bytes for `look`, before [`Self::decoder`] does.
     looked: Decoder,
     awaited: Awaited,
     agent: Agent,
@@ -124,10 +124,10 @@ pub struct Host {
 }
 
 impl Host {
-    /// Before the first byte, for a vehicle with `rotor_count` rotors.
+    /// The state before the first byte, for a vehicle with `rotor_count` rotors.
     ///
     /// # Errors
-    /// More rotors than PX4 has motor controllers in `esc_status`, or a throttle map with impossible numbers.
+    /// More rotors than `esc_status` has motor controllers, or a throttle map with impossible numbers.
     pub fn new(params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
         if rotor_count > ESCS {
             return Err(Error::Count {
@@ -167,7 +167,7 @@ impl Host {
         })
     }
 
-    /// Sends throttles, and at times that they come from outside: PX4's failsafe acts when one of the two stops.
+    /// Sends throttles and, at times, [`OffboardControlMode`]. PX4's failsafe acts if one of the two stops.
     fn send_throttles(&mut self, throttles: &[f32; MAX_ROTORS], now: f64, out: &mut Outgoing) {
         let mut control = [f32::NAN; MOTORS];
         let driven = throttles.iter().take(self.rotor_count);
@@ -179,7 +179,7 @@ impl Host {
         }
     }
 
-    /// Drives motors: one alone, or all.
+    /// Drives one motor alone, or all motors.
     fn drive(&mut self, told: Told, speeds: &RotorVector, now: f64, out: &mut Outgoing) {
         let telemetry = &self.streams.telemetry;
         let obeyed = told == Told::All && self.streams.armed() && self.streams.offboard();
@@ -192,7 +192,7 @@ impl Host {
         self.send_throttles(&throttles, now, out);
     }
 
-    /// Asks for the offboard mode, then to arm. It does not contradict a pilot who has taken over.
+    /// Asks for the offboard mode, then orders to arm. If a pilot has taken over, it does nothing.
     fn engage(&mut self, now: f64, out: &mut Outgoing) {
         let engaged = self.streams.armed() && self.streams.offboard();
         if engaged || self.left || now - self.ordered < ORDER_EVERY {
@@ -203,8 +203,8 @@ impl Host {
         self.ordered = now;
     }
 
-    /// Stops all motors at once; disarms at once too, unless motors are tried one by one. By [`Told::Stop`] only the
-    /// motors that this link has driven, and only in the offboard mode: in another mode a pilot or PX4 flies.
+    /// Stops all motors at once, and disarms: [`STAYS_ARMED`] later if one motor was driven alone. [`Told::Stop`] stops
+    /// only motors that this link has driven, and only in the offboard mode: in another mode a pilot or PX4 flies.
     fn stop(&mut self, told: Told, now: f64, out: &mut Outgoing) {
         if told == Told::Stop && self.told == Told::Nothing {
             return;
@@ -232,7 +232,7 @@ impl Host {
         }
     }
 
-    /// Whether a pilot or PX4 may fly the vehicle: it is armed and was not by this link, or is in another mode.
+    /// Whether a pilot or PX4 may fly the vehicle: it is armed, and not by this link or in another mode.
     fn others_fly(&self) -> bool {
         let may_be_theirs = match self.told {
             Told::Nothing => true,
@@ -242,12 +242,12 @@ impl Host {
         may_be_theirs && self.streams.armed()
     }
 
-    /// Whether all motors were told to stop. A vehicle that others fly is stopped by the order to kill only.
+    /// Whether all motors have the command to stop. A vehicle that others fly is stopped by [`Told::Kill`] only.
     fn stops(&self) -> bool {
         self.told == Told::Kill || self.told == Told::Stop && !self.others_fly()
     }
 
-    /// Marks motors that will spin: those that are driven and do not spin yet, and all until the vehicle is disarmed.
+    /// Marks motors that will spin soon: driven motors; after a stop all, until the vehicle is disarmed.
     fn mark_starting(&mut self, now: f64) {
         let (armed, stops) = (self.streams.armed(), self.stops() && now >= self.stopped);
         for index in 0..self.rotor_count {
@@ -266,7 +266,7 @@ impl Host {
         let others_fly = self.others_fly();
         let missing = self.missing();
         let streams = &mut self.streams;
-        // Rates are measured while the motors stand: in flight their silence counts.
+        // Rates are measured only while the motors stand. In flight `silent` watches the streams.
         if !matches!(self.told, Told::Alone(_) | Told::All) {
             streams.inertial_rate.step(now);
             streams.motor_rate.step(now);
@@ -287,7 +287,7 @@ impl Host {
         link.lost_samples = streams.inertial.lost();
     }
 
-    /// The first topic that PX4 does not send, or does not take. The battery may be missing.
+    /// The first topic that PX4 does not publish or does not subscribe to. The battery's topic may be missing.
     fn missing(&self) -> Option<Complaint> {
         Topic::ALL.iter().copied().filter(|topic| *topic != Topic::BatteryStatus).find_map(|topic| {
             if topic.is_taken() {
@@ -298,7 +298,7 @@ impl Host {
         })
     }
 
-    /// Says when PX4 leaves the offboard mode while this link drives motors.
+    /// Tells the operator if PX4 leaves the offboard mode while this link drives motors.
     fn tell_mode(&mut self) {
         let offboard = self.streams.offboard();
         let drives = !matches!(self.told, Told::Nothing | Told::Kill);
@@ -368,7 +368,7 @@ impl VehicleLink for Host {
                 self.drive(Told::All, speeds, now, out);
                 self.engage(now, out);
             }
-            // A pilot who takes over is not contradicted.
+            // No `engage` here: it would take the vehicle back from a pilot.
             MotorCommand::Turn(speeds) => self.drive(Told::All, speeds, now, out),
         }
         self.agent.answer_all(now, out);
@@ -379,10 +379,10 @@ impl VehicleLink for Host {
         let rotors = (self.rotor_count as u16).max(1);
         FrameLengths {
             inertial: 48 + AROUND,
-            // All motors come in one frame.
+            // One frame holds all motors.
             motor: escs.div_ceil(rotors),
             battery: 220 + AROUND,
-            // Its share of a heartbeat comes on top.
+            // One command in ten carries a heartbeat as well: its mean length is added.
             command: 68 + AROUND + (15 + AROUND) / 10 + 1,
         }
     }
@@ -392,7 +392,7 @@ impl VehicleLink for Host {
     }
 
     fn part(&mut self, out: &mut Outgoing) {
-        // The motors shall stay off: an armed vehicle that receives nothing more executes its failsafe.
+        // The motors must stay off: an armed vehicle that receives no more messages executes its failsafe.
         if self.stops() && self.streams.armed() {
             self.agent.send(&VehicleCommand::Disarm, out);
         }

@@ -1,4 +1,4 @@
-//! Inertial samples of PX4: from messages to samples with times, and what is wrong with them.
+//! Inertial samples of PX4: gives the messages times on the host's clock, and marks samples that are wrong.
 
 use super::topics::SensorCombined;
 use crate::{Gate, GateCounters, GateParams, LineDelay, Verdict};
@@ -9,12 +9,12 @@ use tilthex_core::{
     supervisor::limits::IMU_FROZEN,
 };
 
-/// Readings that cannot be: rad/s, m/s^2.
+/// Larger readings are impossible: rad/s, m/s^2.
 const MOST: (f64, f64) = (100.0, 400.0);
-/// A reading that differs from the last one by more has leapt: rad/s, m/s^2.
+/// A reading leaps if it differs from the last one by more than this: rad/s, m/s^2.
 const LEAP: (f64, f64) = (3.0, 40.0);
 
-/// A vector of PX4's body axes, forward, right and down, in those of tilthex: forward, left and up.
+/// Converts a vector from PX4's body axes (forward, right, down) to those of tilthex (forward, left, up).
 pub(super) fn flu(frd: [f32; 3]) -> Vector3 {
     let [x, y, z] = frd.map(f64::from);
     Vector3::new(x, -y, -z)
@@ -35,14 +35,14 @@ pub(super) struct InertialStream {
 }
 
 impl InertialStream {
-    /// Before the first sample of a stream with a period, us.
+    /// The state before the first sample. `period_us` is the period of the stream, us.
     ///
     /// # Errors
     /// Never: the limits of its gate are constant.
     pub(super) fn new(period_us: u32) -> Result<Self, Error> {
         let (rate, force) = MOST;
         let max = [rate, rate, rate, force, force, force];
-        // A CRC keeps flipped bits away: there is no limit to a jump.
+        // The CRC already finds flipped bits, so that jumps need no limit.
         let gate =
             GateParams { min: max.map(|x| -x), max, jump: [f64::INFINITY; 6], patience: 0, longest: 0 };
         Ok(Self {
@@ -58,12 +58,12 @@ impl InertialStream {
         })
     }
 
-    /// Takes a sample that arrived at `now`, s; `out` gets it and its state.
+    /// Takes a sample that arrived at `now`, s, and writes it and the stream's state to `out`.
     pub(super) fn take(&mut self, sample: &SensorCombined, now: f64, out: &mut InertialTelemetry) {
         let remote = |sample: &SensorCombined| 1e-6 * sample.timestamp as f64;
         let made = remote(sample);
         let passed = self.last.map(|last| made - remote(&last));
-        // The same sample again, or an older one. A time far back is that of a clock that was set.
+        // The same sample again, or an older one. If the time goes back by more than 1 s, the vehicle's clock was set.
         if passed.is_some_and(|passed| (-1.0..=0.0).contains(&passed)) {
             return;
         }
@@ -104,7 +104,7 @@ impl InertialStream {
         self.lost
     }
 
-    /// What its gate has passed and refused.
+    /// What its gate has accepted and refused.
     pub(super) fn gate_counters(&self) -> GateCounters {
         self.gate.counters()
     }

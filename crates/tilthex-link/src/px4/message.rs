@@ -1,33 +1,33 @@
-//! DDS-XRCE messages (OMG DDS-XRCE 1.0, chapter 8): a header, then submessages at multiples of four bytes. Both
-//! directions: the client is the flight board, the agent is tilthex.
+//! DDS-XRCE messages of both directions (OMG DDS-XRCE 1.0, chapter 8): a header, then submessages at multiples of four
+//! bytes. The client is the flight board, the agent is tilthex.
 
 use super::{
     cdr::{Reader, Writer},
     submessages::{FromAgent, FromClient, LITTLE_ENDIAN},
 };
 
-/// A session whose messages carry no key of the client has a number from here on.
+/// The lowest number of a session whose messages do not carry the client's key.
 pub const WITHOUT_KEY: u8 = 0x80;
-/// The stream of messages that belong to none.
+/// The stream number of messages that belong to no stream.
 pub const NO_STREAM: u8 = 0;
 /// The first best-effort stream.
 pub const BEST_EFFORT: u8 = 1;
 /// The first reliable stream.
 pub const RELIABLE: u8 = 0x80;
 
-/// Bytes of a message's header, and of a submessage's.
+/// Bytes of a message's header; a submessage's header has the same length.
 pub(super) const HEADER: usize = 4;
 
-/// The agent itself as an object.
+/// The object that stands for the agent itself.
 pub const AGENT_OBJECT: ObjectId = ObjectId([0xff, 0xfd]);
-/// The client itself as an object.
+/// The object that stands for the client itself.
 pub const CLIENT_OBJECT: ObjectId = ObjectId([0xff, 0xfe]);
 
-/// An object of a client; its last four bits are its kind.
+/// The identifier of a client's object. Its last four bits are the object's kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ObjectId(pub [u8; 2]);
 
-/// A request: its number, and the object that it is about.
+/// A request: its number, and the object that it concerns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Request {
     /// Its number.
@@ -36,17 +36,17 @@ pub struct Request {
     pub object: ObjectId,
 }
 
-/// A time of the wire, from any origin.
+/// A time as the protocol sends it. Its origin is arbitrary.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Time {
     /// Whole seconds.
     pub seconds: i32,
-    /// Nanoseconds on top.
+    /// Nanoseconds to be added.
     pub nanoseconds: u32,
 }
 
 impl Time {
-    /// A time in s from 0 on.
+    /// Converts a time in s, at least 0.
     #[must_use]
     pub fn of(seconds: f64) -> Self {
         let whole = seconds as i32;
@@ -63,27 +63,27 @@ impl Time {
     }
 }
 
-/// The head of a message.
+/// The header of a message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Header {
-    /// The session, from [`WITHOUT_KEY`] on.
+    /// The session, at least [`WITHOUT_KEY`].
     pub session: u8,
     /// The stream.
     pub stream: u8,
-    /// The number in its stream.
+    /// The message's number in its stream.
     pub sequence: u16,
 }
 
-/// A message as it came: its head, and its submessages.
+/// A received message: its header and its submessages.
 #[derive(Clone, Copy, Debug)]
 pub struct Message<'a> {
-    /// Its head.
+    /// Its header.
     pub header: Header,
     bytes: &'a [u8],
 }
 
 impl<'a> Message<'a> {
-    /// Reads the head; `None` for a message that is too short, or of a session with keys.
+    /// Reads the header. `None` if the message is too short, or its session uses keys.
     #[must_use]
     pub fn parse(bytes: &'a [u8]) -> Option<Self> {
         let mut reader = Reader::new(bytes);
@@ -91,7 +91,7 @@ impl<'a> Message<'a> {
         (header.session >= WITHOUT_KEY).then_some(Self { header, bytes })
     }
 
-    /// The submessages in their order, ended by the first that breaks off: number, flags, payload.
+    /// The submessages in their order: number, flags, payload. Ends before the first that is not complete.
     pub fn submessages(&self) -> impl Iterator<Item = (u8, u8, &'a [u8])> + use<'a> {
         let mut reader = Reader::new(self.bytes);
         let mut at_header = reader.slice(HEADER).is_some();
@@ -108,12 +108,12 @@ impl<'a> Message<'a> {
         })
     }
 
-    /// The submessages as the agent reads them; `None` for one that is malformed.
+    /// The submessages as the agent reads them; `None` for a malformed one.
     pub fn from_client(&self) -> impl Iterator<Item = Option<FromClient<'a>>> + use<'a> {
         self.submessages().map(|(id, flags, payload)| FromClient::parse(id, flags, payload))
     }
 
-    /// The submessages as the client reads them; `None` for one that is malformed.
+    /// The submessages as the client reads them; `None` for a malformed one.
     pub fn from_agent(&self) -> impl Iterator<Item = Option<FromAgent<'a>>> + use<'a> {
         self.submessages().map(|(id, flags, payload)| FromAgent::parse(id, flags, payload))
     }
@@ -137,12 +137,12 @@ impl<const N: usize> Draft<N> {
         Self { bytes, length: HEADER }
     }
 
-    /// Appends a submessage of the agent; whether it fitted.
+    /// Appends a submessage of the agent. Returns whether it fitted.
     pub fn agent(&mut self, submessage: &FromAgent<'_>) -> bool {
         self.append(|writer| submessage.write(writer))
     }
 
-    /// Appends a submessage of the client; whether it fitted.
+    /// Appends a submessage of the client. Returns whether it fitted.
     #[cfg(feature = "board")]
     pub fn client(&mut self, submessage: &FromClient<'_>) -> bool {
         self.append(|writer| submessage.write(writer))
@@ -172,7 +172,7 @@ impl<const N: usize> Draft<N> {
         let Some(length) = writer.length() else { return false };
         let [low, high] = (length as u16).to_le_bytes();
         head.iter_mut().zip([id, LITTLE_ENDIAN, low, high]).for_each(|(slot, byte)| *slot = byte);
-        // The gap to the multiple of four may hold bytes of a submessage that did not fit.
+        // The padding may still hold bytes of a submessage that did not fit.
         if let Some(gap) = self.bytes.get_mut(self.length..begin) {
             gap.fill(0);
         }

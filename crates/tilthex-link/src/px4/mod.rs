@@ -1,7 +1,7 @@
 //! PX4 over uXRCE-DDS, without ROS and without another agent: the flight board is the DDS-XRCE client, the host is the
-//! agent of its one session, over a serial line or datagrams.
+//! agent of the only session. They talk over a serial line or in datagrams.
 //!
-//! The host takes inertial samples, the measurements of the motor controllers, the battery and the vehicle's state, and
+//! The host receives inertial samples, the measurements of the motor controllers, the battery and the vehicle's state. It
 //! sends throttles in PX4's offboard mode (`direct_actuator`). `docs/howto/px4.md` says how to set PX4 up.
 
 mod agent;

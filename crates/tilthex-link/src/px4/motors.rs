@@ -1,28 +1,29 @@
-//! What the motor controllers say: which controller drives which motor, and which measurements are believed.
+//! The motor controllers: which controller drives which motor, and which measurements are accepted.
 
 use super::esc_status::{ESCS, EscStatus, FIRST_MOTOR, STUCK};
 use crate::{Gate, GateCounters, GateParams, Verdict};
 use tilthex_core::{Error, flight::Telemetry};
 
-/// A motor that is faster than this spins, Hz.
+/// A motor spins if it is faster than this, Hz.
 const SPINS: f64 = 5.0;
-/// Largest change of a speed from one measurement to the next, Hz; a larger one is believed after a few that agree with it.
+/// Largest change of a speed from one measurement to the next, Hz. A larger change is accepted after [`PATIENCE`]
+/// measurements that agree with it.
 const JUMP: f64 = 40.0;
 const PATIENCE: u8 = 4;
-/// A controller that measures exactly 0 where its motor turned is believed after this long, s: telemetry drops to 0 while
-/// motors turn (PX4 16735).
+/// If a motor turned and its controller now measures exactly 0, the 0 is accepted after this time, s. The telemetry of PX4
+/// can drop to 0 while motors turn (PX4 issue 16735).
 const DROPPED: f64 = 0.1;
 
 /// The measurements of all motors.
 #[derive(Clone, Debug)]
 pub(super) struct Motors {
     gates: [Gate<1>; ESCS],
-    /// Since when each measures exactly 0 without having slowed down, s.
+    /// The time at which each controller's measurement dropped from a speed to exactly 0, s.
     dropped: [Option<f64>; ESCS],
 }
 
 impl Motors {
-    /// Before the first measurement.
+    /// The state before the first measurement.
     ///
     /// # Errors
     /// Never: the limits of its gates are constant.
@@ -39,7 +40,7 @@ impl Motors {
             if status.online >> place & 1 == 0 {
                 continue;
             }
-            // A controller that does not say what it drives drives the motor of its place.
+            // A controller that does not report its output function drives the motor with its own index.
             let index = esc.function.checked_sub(FIRST_MOTOR).unwrap_or(place);
             let Some(motor) = telemetry.motor_mut(usize::from(index)) else { continue };
             motor.current = f64::from(esc.current);
@@ -54,7 +55,7 @@ impl Motors {
         }
     }
 
-    /// What its gates have passed and refused.
+    /// What its gates have accepted and refused.
     pub(super) fn gate_counters(&self) -> impl Iterator<Item = GateCounters> + '_ {
         self.gates.iter().map(Gate::counters)
     }

@@ -9,7 +9,7 @@ use super::{
 };
 
 pub(super) const LITTLE_ENDIAN: u8 = 1;
-/// The form of data: one sample without further information.
+/// The format of data: one sample without further information.
 const FORMAT: u8 = 0x0e;
 
 const COOKIE: [u8; 4] = *b"XRCE";
@@ -21,22 +21,22 @@ const VENDOR: [u8; 2] = [1, 15];
 pub enum FromClient<'a> {
     /// Begins a session.
     CreateClient {
-        /// The number that the session's messages have from then on.
+        /// The session's number, which all its messages carry.
         session: u8,
     },
     /// Creates an object.
     Create(Request, Entity<'a>),
-    /// Asks about an object; about the agent to know whether it is there.
+    /// Asks about an object. A request about [`AGENT_OBJECT`](super::AGENT_OBJECT) finds out whether an agent exists.
     GetInfo(Request),
-    /// Deletes an object; the client itself to end the session.
+    /// Deletes an object. To delete [`CLIENT_OBJECT`](super::CLIENT_OBJECT) ends the session.
     Delete(Request),
-    /// Data of a writer.
+    /// Data that a writer sends.
     WriteData(ObjectId, &'a [u8]),
-    /// Wants data of a reader from now on.
+    /// Asks for the data of a reader from now on.
     ReadData(Request),
-    /// What it has received of a reliable stream.
+    /// Says what the client has received of a reliable stream.
     AckNack,
-    /// What it has sent of a reliable stream.
+    /// Says what the client has sent in a reliable stream.
     Heartbeat {
         /// The oldest message that is not acknowledged.
         first: u16,
@@ -45,7 +45,7 @@ pub enum FromClient<'a> {
         /// The stream.
         stream: u8,
     },
-    /// Asks for the time.
+    /// Asks for the agent's time; holds the client's.
     Timestamp(Time),
     /// Anything else.
     Other(u8),
@@ -56,26 +56,27 @@ pub enum FromClient<'a> {
 pub enum FromAgent<'a> {
     /// The session has begun, if the status is 0.
     StatusAgent(u8),
-    /// The end of a request; a status of 0 is success.
+    /// The result of a request; a status of 0 is success.
     Status(Request, u8),
-    /// The agent is there; whether it knows the session.
+    /// The agent exists; the flag says whether it knows the session.
     Info(Request, bool),
     /// Data for a reader.
     Data(Request, &'a [u8]),
-    /// What it has received of a reliable stream.
+    /// Says what the agent has received of a reliable stream.
     AckNack {
-        /// The oldest message that has not come.
+        /// The oldest message that has not arrived.
         first: u16,
         /// Bit `i` is set if message `first + i` is missing.
         missing: u16,
         /// The stream.
         stream: u8,
     },
-    /// The agent's time, twice (it answers at once), and the time of the question.
+    /// The agent's time, and the client's time of the request. The message holds the agent's time twice, because it
+    /// receives and answers at the same time.
     TimestampReply {
         /// The agent's time.
         now: Time,
-        /// The client's.
+        /// The client's time of the request.
         asked: Time,
     },
 }
@@ -129,7 +130,7 @@ impl<'a> FromClient<'a> {
             Self::Create(request, entity) => {
                 write_request(request, writer);
                 entity.write(writer);
-                // The participant that it belongs to.
+                // The participant to which the object belongs.
                 writer.bytes(&[0x00, 0x11]);
                 1
             }
@@ -149,7 +150,7 @@ impl<'a> FromClient<'a> {
             }
             Self::ReadData(request) => {
                 write_request(request, writer);
-                // To the best-effort stream, one sample each, no filter, without end.
+                // Sent in the best-effort stream, one sample in each message, without a filter, without an end.
                 writer.bytes(&[BEST_EFFORT, 0, 0, 1]);
                 [u16::MAX, 0, 0, 0].into_iter().for_each(|number| writer.u16(number));
                 8
@@ -213,7 +214,7 @@ impl<'a> FromAgent<'a> {
             }
             Self::Info(request, active) => {
                 write_request(request, writer);
-                // Success; no configuration; the agent's activity: it is available, at no further address.
+                // Success. No configuration. The agent's activity: it is available, and has no further address.
                 writer.bytes(&[0, u8::from(active), 0, 1, 13]);
                 writer.u16(1);
                 writer.u32(0);

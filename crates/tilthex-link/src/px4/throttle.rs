@@ -1,4 +1,4 @@
-//! Throttles for speeds: the vehicle's map, and a slow correction by the measured speeds.
+//! Throttles for commanded speeds: the vehicle's map, and a slow correction from the measured speeds.
 
 use tilthex_core::{
     Error,
@@ -11,25 +11,25 @@ use tilthex_core::{
 
 /// Approximate rate at which a measured speed follows a commanded one, 1/s.
 const FOLLOWS: f64 = 20.0;
-/// Largest correction of a speed, Hz.
+/// Largest correction of a commanded speed, Hz.
 const MOST: f64 = 20.0;
-/// A longer time between two commands counts as this long, s.
+/// Longest time between two commands that the correction uses, s. A longer one is cut to this.
 const LONGEST: f64 = 0.02;
 
 /// The throttle for a rotor's speed: `c0 + c1 x + c2 x^2`, where `x` is the speed (Hz) times `voltage`, divided by the
 /// battery's voltage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ThrottleMap {
-    /// `c0` to `c2`: 1, 1/Hz, 1/Hz^2. All 0 if the map is not known.
+    /// `c0` to `c2`, in 1, 1/Hz and 1/Hz^2. All are 0 if the map is not known.
     pub coefficients: [f64; 3],
-    /// Battery voltage at which the map was measured, V; 0 if the battery does not change the speed at a throttle.
+    /// Battery voltage at which the map was measured, V; 0 if the speed at a throttle does not depend on the battery.
     pub voltage: f64,
-    /// Rate at which the measured speeds correct the map, 1/s; 0 for no correction.
+    /// Rate at which the measured speeds correct the throttles, 1/s; 0 for no correction.
     pub correction: f64,
 }
 
 impl ThrottleMap {
-    /// The throttle, 0 to 1, for a speed (Hz) at a battery voltage (V), and whether it is inside these limits.
+    /// The throttle for a speed (Hz) at a battery voltage (V), limited to 0 to 1, and whether it was inside the limits.
     #[must_use]
     pub fn throttle(&self, speed: f64, battery: Option<f64>) -> (f64, bool) {
         let [c0, c1, c2] = self.coefficients;
@@ -72,7 +72,8 @@ impl Throttles {
         *self = Self::new(self.map);
     }
 
-    /// Throttles for commanded speeds, Hz, at `now`, s. The corrections learn only if PX4 executes the commands (`obeyed`).
+    /// Throttles for commanded speeds, Hz, at `now`, s. The corrections change only if PX4 executes the commands
+    /// (`obeyed`).
     pub(super) fn step(
         &mut self,
         commanded: &RotorVector,

@@ -1,13 +1,13 @@
-//! The few topics of PX4 that the link uses, as `px4_msgs` 1.14 to 1.16 define them, in CDR. Angles in rad, speeds in
-//! revolutions a minute where the name says so, vectors in FRD (forward, right, down).
+//! The topics of PX4 that the link uses, as `px4_msgs` 1.14 to 1.16 define them, in CDR. Angles are in rad, vectors in FRD
+//! (forward, right, down), and speeds in revolutions per minute if the name contains `rpm`.
 
 use super::cdr::{Reader, Writer};
 
-/// Motors of [`ActuatorMotors`].
+/// Number of motors in [`ActuatorMotors`].
 pub const MOTORS: usize = 12;
-/// The state of a vehicle whose motors may turn.
+/// PX4's arming state in which motors may turn.
 pub const ARMED: u8 = 2;
-/// The mode in which PX4 takes motor commands from outside.
+/// The mode in which PX4 executes motor commands from outside.
 pub const OFFBOARD: u8 = 14;
 
 /// Makes [`Topic`] from a list of names.
@@ -23,7 +23,7 @@ macro_rules! topics {
             /// Every topic.
             pub const ALL: &[Self] = &[$(Self::$topic),+];
 
-            /// Its name, as `dds_topics.yaml` has it.
+            /// Its name in PX4's `dds_topics.yaml`.
             #[must_use]
             pub const fn name(self) -> &'static str {
                 match self {
@@ -31,7 +31,7 @@ macro_rules! topics {
                 }
             }
 
-            /// The type of its messages, likewise.
+            /// The type of its messages in PX4's `dds_topics.yaml`.
             #[must_use]
             pub const fn kind(self) -> &'static str {
                 match self {
@@ -45,32 +45,32 @@ macro_rules! topics {
 topics! {
     /// Inertial samples.
     SensorCombined => "/fmu/out/sensor_combined", "SensorCombined";
-    /// What the motor controllers measure.
+    /// The measurements of the motor controllers.
     EscStatus => "/fmu/out/esc_status", "EscStatus";
-    /// The battery.
+    /// The battery's voltage.
     BatteryStatus => "/fmu/out/battery_status", "BatteryStatus";
-    /// Mode, and whether motors may turn.
+    /// The mode and the arming state.
     VehicleStatus => "/fmu/out/vehicle_status", "VehicleStatus";
     /// Throttles.
     ActuatorMotors => "/fmu/in/actuator_motors", "ActuatorMotors";
-    /// That throttles come from outside.
+    /// Keeps the offboard mode active.
     OffboardControlMode => "/fmu/in/offboard_control_mode", "OffboardControlMode";
-    /// Changes of the mode; arming.
+    /// Orders to change the mode, to arm and to disarm.
     VehicleCommand => "/fmu/in/vehicle_command", "VehicleCommand";
 }
 
 impl Topic {
-    /// How many there are.
+    /// Number of topics.
     pub const COUNT: usize = Self::ALL.len();
 
-    /// Whether PX4 takes it; otherwise PX4 sends it.
+    /// Whether PX4 subscribes to it; otherwise PX4 publishes it.
     #[must_use]
     pub const fn is_taken(self) -> bool {
         matches!(self, Self::ActuatorMotors | Self::OffboardControlMode | Self::VehicleCommand)
     }
 
-    /// The topic with a name in DDS: `rt`, perhaps a name of the vehicle, its own name, and perhaps `_v` and the version
-    /// of its messages.
+    /// The topic with a DDS name. A DDS name is `rt`, the vehicle's name if it has one, the topic's name and, in some
+    /// versions of PX4, `_v` with the version of the messages.
     #[must_use]
     pub fn named(dds: &[u8]) -> Option<Self> {
         let versioned = |rest: &[u8]| match rest {
@@ -92,10 +92,10 @@ pub trait TopicMessage: Sized {
     /// Its topic.
     const TOPIC: Topic;
 
-    /// Reads it; `None` for data that is none.
+    /// Reads a message; `None` if the data is not one.
     fn read(data: &[u8]) -> Option<Self>;
 
-    /// Writes it and returns its length, bytes; 0 if it does not fit.
+    /// Writes the message and returns its length, bytes; 0 if it does not fit.
     fn write(&self, out: &mut [u8]) -> usize;
 }
 
@@ -103,7 +103,7 @@ fn three(reader: &mut Reader<'_>) -> Option<[f32; 3]> {
     Some([reader.f32()?, reader.f32()?, reader.f32()?])
 }
 
-/// An inertial sample: means over the periods before its time.
+/// An inertial sample. Its values are means over the period that ends at its time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SensorCombined {
     /// Its time, us.
@@ -112,7 +112,7 @@ pub struct SensorCombined {
     pub gyro: [f32; 3],
     /// Specific force, m/s^2, FRD.
     pub accelerometer: [f32; 3],
-    /// Whether a reading of the two was at the end of its range.
+    /// Whether a reading of one of the two sensors was at the end of its range.
     pub clipped: bool,
 }
 
@@ -141,21 +141,21 @@ impl TopicMessage for SensorCombined {
     }
 }
 
-/// The battery.
+/// The battery's voltage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BatteryStatus {
     /// Its time, us.
     pub timestamp: u64,
-    /// Whether there is one.
+    /// Whether a battery is connected.
     pub connected: bool,
-    /// Voltage, V; 0 where it is not known.
+    /// Voltage, V; 0 if it is not known.
     pub voltage: f32,
 }
 
 impl TopicMessage for BatteryStatus {
     const TOPIC: Topic = Topic::BatteryStatus;
 
-    /// Before the voltage, later versions have a byte for the number of the battery. Its place is the same: the voltage is
+    /// Later versions have one byte more before the voltage, the battery's number. It does not move the voltage, which is
     /// aligned.
     fn read(data: &[u8]) -> Option<Self> {
         let mut reader = Reader::new(data);
@@ -172,7 +172,7 @@ impl TopicMessage for BatteryStatus {
     }
 }
 
-/// Mode, and whether motors may turn.
+/// The mode and the arming state.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct VehicleStatus {
     /// Its time, us.
@@ -186,7 +186,7 @@ pub struct VehicleStatus {
 impl TopicMessage for VehicleStatus {
     const TOPIC: Topic = Topic::VehicleStatus;
 
-    /// What follows the mode differs from version to version, and is not read.
+    /// The fields after the mode differ between versions and are not read.
     fn read(data: &[u8]) -> Option<Self> {
         let mut reader = Reader::new(data);
         let (timestamp, _armed, _took_off) = (reader.u64()?, reader.u64()?, reader.u64()?);
@@ -228,7 +228,7 @@ impl TopicMessage for ActuatorMotors {
         Some(Self { control })
     }
 
-    /// Its times are 0: then PX4 takes those of its arrival.
+    /// The times are written as 0: PX4 then uses the time of arrival.
     fn write(&self, out: &mut [u8]) -> usize {
         let mut writer = Writer::new(out);
         writer.u64(0);
@@ -239,10 +239,10 @@ impl TopicMessage for ActuatorMotors {
     }
 }
 
-/// That throttles come from outside: PX4's offboard mode lasts while this comes.
+/// Tells PX4 that throttles come from outside. PX4 stays in its offboard mode only while this message arrives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OffboardControlMode {
-    /// Whether they are throttles, and nothing of PX4's control laws stands between.
+    /// Whether the commands are throttles, which PX4 sends to the motors without its own control laws.
     pub direct_actuator: bool,
 }
 
@@ -267,22 +267,22 @@ impl TopicMessage for OffboardControlMode {
 /// An order to the flight board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum VehicleCommand {
-    /// Take the offboard mode.
+    /// Change to the offboard mode.
     Offboard,
-    /// Let motors turn.
+    /// Arm: motors may turn.
     Arm,
-    /// Stop all motors, in the air too: when to stop them is tilthex's decision.
+    /// Stop all motors, also in the air: tilthex decides when that is right.
     Disarm,
-    /// Another one, by its number.
+    /// Another order, by its number.
     Other(u32),
 }
 
 impl VehicleCommand {
     const SET_MODE: u32 = 176;
     const ARM_DISARM: u32 = 400;
-    /// Of the mode: custom, offboard.
+    /// Parameters of the order: a custom mode, and the number of the offboard mode.
     const CUSTOM_OFFBOARD: (f32, f32) = (1.0, 6.0);
-    /// Whatever PX4 thinks of it.
+    /// Parameter with which PX4 obeys without its own checks.
     const FORCED: f32 = 21_196.0;
 
     fn parts(self) -> (u32, f32, f32) {
@@ -319,7 +319,7 @@ impl TopicMessage for VehicleCommand {
         writer.f64(0.0);
         writer.f32(0.0);
         writer.u32(command);
-        // To system 1, component 1, from the same; not confirmed; from outside.
+        // To system 1, component 1, from the same; without confirmation; from outside.
         writer.bytes(&[1, 1, 1]);
         writer.u16(1);
         writer.bytes(&[0, 1]);

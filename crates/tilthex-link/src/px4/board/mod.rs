@@ -1,6 +1,6 @@
-//! The client's end of the link, for simulated vehicles: a flight board that behaves as PX4 does where the link can see
-//! it. It opens a session, makes its topics, sends its streams, and takes throttles in the offboard mode. It has none of
-//! PX4's control laws: its failsafe takes the rotors to their lowest speeds, and disarms later.
+//! The client's end of the link for simulated vehicles: a flight board that, seen from the link, behaves like PX4. It opens
+//! a session, creates its topics, sends its streams, and executes throttles in the offboard mode. It has none of PX4's
+//! control laws: its failsafe sets the rotors to their lowest speeds, and disarms later.
 
 mod session;
 
@@ -17,13 +17,13 @@ use tilthex_core::{
     plant::{Battery, rotor_current},
 };
 
-/// Without [`OffboardControlMode`] for this long the offboard mode is lost.
+/// The board leaves the offboard mode if [`OffboardControlMode`] does not arrive for this time.
 pub const OFFBOARD_LOST: Micros = 500_000;
-/// After this long in its failsafe the board disarms.
+/// The board disarms after this time in its failsafe.
 pub const DISARM: Micros = 10_000_000;
-/// The state of a vehicle whose motors stand.
+/// PX4's arming state in which motors stand still.
 const DISARMED: u8 = 1;
-/// The modes before the offboard mode and after its loss.
+/// The mode before the offboard mode, and the mode after its loss.
 const MANUAL: u8 = 0;
 const DESCEND: u8 = 12;
 
@@ -32,11 +32,11 @@ const DESCEND: u8 = 12;
 pub struct ClientParams {
     /// Its battery at the start.
     pub battery: Battery,
-    /// The throttles that its motors need for their speeds.
+    /// The throttle that each speed of its motors needs.
     pub throttle: ThrottleMap,
     /// Periods of the inertial samples and of the motor controllers' measurements.
     pub periods: (Micros, Micros),
-    /// Topics that it neither sends nor takes, as a firmware with another `dds_topics.yaml`.
+    /// A topic that is missing in its `dds_topics.yaml`: it neither publishes it nor subscribes to it.
     pub without: Option<Topic>,
 }
 
@@ -51,9 +51,9 @@ pub struct Client {
     motor_count: usize,
     throttles: [f32; MAX_ROTORS],
     status: VehicleStatus,
-    /// When the newest [`OffboardControlMode`] came.
+    /// The time at which the newest [`OffboardControlMode`] arrived.
     heartbeat: Option<Micros>,
-    /// Since when its failsafe lasts.
+    /// The time at which its failsafe began.
     failsafe: Option<Micros>,
     next_imu: Micros,
     next_motors: Micros,
@@ -64,7 +64,7 @@ pub struct Client {
 }
 
 impl Client {
-    /// A board that was just powered, for a vehicle's rotors.
+    /// A board that was just switched on, for a vehicle.
     #[must_use]
     pub fn new(vehicle: &Vehicle, params: ClientParams) -> Self {
         let (mut lowest, mut highest) = ([0.0; MAX_ROTORS], [0.0; MAX_ROTORS]);
@@ -97,19 +97,19 @@ impl Client {
         self.status.arming == ARMED
     }
 
-    /// Since when its failsafe lasts.
+    /// The time at which its failsafe began.
     #[must_use]
     pub fn failsafe(&self) -> Option<Micros> {
         self.failsafe
     }
 
-    /// How often it was told that throttles come from outside.
+    /// Number of [`OffboardControlMode`] messages that it has received.
     #[must_use]
     pub fn heartbeats_received(&self) -> u64 {
         self.heartbeats_received
     }
 
-    /// A pilot takes over. A board without control laws then turns its rotors at their lowest speeds.
+    /// A pilot takes over. This board has no control laws, so that it then turns its rotors at their lowest speeds.
     pub fn take_over(&mut self, now: Micros) {
         (self.status.mode, self.failsafe) = (MANUAL, None);
         self.next_status = now;
@@ -198,12 +198,12 @@ impl Client {
     }
 }
 
-/// A vector of tilthex's axes (forward, left, up) in PX4's (forward, right, down).
+/// Converts a vector from tilthex's axes (forward, left, up) to PX4's (forward, right, down).
 fn frd(v: &Vector3) -> [f32; 3] {
     [v.x as f32, -v.y as f32, -v.z as f32]
 }
 
-/// Whether a time has come; the next one is a period later.
+/// Whether the time `next` has come. If it has, `next` moves on by a period.
 fn due(next: &mut Micros, period: Micros, now: Micros) -> bool {
     let due = now >= *next;
     if due {
@@ -244,7 +244,7 @@ impl Board for Client {
         if !self.session.runs() {
             return;
         }
-        // As PX4 does once the session has told it the host's time.
+        // PX4 too stamps its messages with the host's time, once it knows this time from the session.
         let timestamp = self.session.host_time(now);
         if imu || motors {
             let measured = measure();

@@ -1,4 +1,4 @@
-//! The client's session: in the order in which PX4's `uxrce_dds_client` opens it.
+//! The client's session. It is opened in the same steps as by PX4's `uxrce_dds_client`.
 
 use alloc::vec::Vec;
 
@@ -15,23 +15,23 @@ use crate::{
 const SESSION: u8 = 0x81;
 /// Longest message, bytes.
 const LONGEST: usize = 512;
-/// A question is asked again after this long.
+/// A request without an answer is sent again after this time.
 const PATIENCE: Micros = 1_000_000;
-/// A reliable message that is not acknowledged is announced again after this long.
+/// A reliable message that is not acknowledged is announced again after this time.
 const ANNOUNCE: Micros = 100_000;
-/// How often the host is asked for its time before topics are made.
+/// Number of times that the client asks for the host's time before it creates its topics.
 const SYNCHRONISED: u32 = 10;
-/// A topic that the host does not know.
+/// A topic that the host does not know. PX4 too publishes more topics than the host uses.
 const FOREIGN: &[u8] = b"rt/fmu/out/timesync_status";
 
-/// What has been reached.
+/// The step that the session has reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Stage {
     Ping,
     Begin,
     Participant,
     Synchronise(u32),
-    /// The topics, one after the other; the foreign one last.
+    /// Creates the topics one after the other, [`FOREIGN`] last.
     Make(usize),
     Run,
 }
@@ -43,7 +43,7 @@ pub(super) struct Session {
     asked: Option<Micros>,
     decoder: Decoder,
     without: Option<Topic>,
-    /// The number of the newest request, and how many of the stage are not answered.
+    /// The number of the newest request, and how many requests of this stage have no answer yet.
     request: u8,
     open: usize,
     reliable: u16,
@@ -51,7 +51,7 @@ pub(super) struct Session {
     /// Reliable messages that are not acknowledged.
     kept: Vec<(u16, Vec<u8>)>,
     announced: Micros,
-    /// The host's time less ours, us.
+    /// The host's time minus the client's time, us.
     offset: i64,
     synchronised: Option<Micros>,
 }
@@ -79,12 +79,12 @@ impl Session {
         self.stage == Stage::Run
     }
 
-    /// Our time as the host's, us.
+    /// Converts the client's time to the host's, us.
     pub(super) fn host_time(&self, now: Micros) -> u64 {
         now.saturating_add_signed(self.offset)
     }
 
-    /// Sends data of a topic, if the board has it.
+    /// Sends a message of a topic, if the board has the topic.
     pub(super) fn send<T: TopicMessage>(&mut self, message: &T, out: &mut Vec<u8>) {
         if self.without == Some(T::TOPIC) {
             return;
@@ -95,7 +95,7 @@ impl Session {
         self.say(BEST_EFFORT, &[FromClient::WriteData(object, &data[..length])], out);
     }
 
-    /// Takes a byte; data that it completes goes to `heard`.
+    /// Takes a byte. If it completes a message, the data in it is appended to `heard`.
     pub(super) fn push(
         &mut self,
         byte: u8,
@@ -158,7 +158,7 @@ impl Session {
         (self.stage, self.asked) = (stage, None);
     }
 
-    /// One cycle: asks what the stage needs.
+    /// One cycle: sends the requests that the stage needs.
     pub(super) fn advance(&mut self, now: Micros, out: &mut Vec<u8>) {
         if !self.kept.is_empty() && now - self.announced >= ANNOUNCE {
             let (first, last) = (self.kept[0].0, self.reliable.wrapping_sub(1));
@@ -182,7 +182,7 @@ impl Session {
             Stage::Synchronise(_) => self.say(NO_STREAM, &[FromClient::Timestamp(time(now))], out),
             Stage::Make(place) => self.make(place, out),
             Stage::Run => {
-                // The host may be another one since, which knows nothing of the session.
+                // The host may have been replaced by another one that does not know the session.
                 let request = Request { number: [0, 10], object: AGENT_OBJECT };
                 self.say(NO_STREAM, &[FromClient::GetInfo(request), FromClient::Timestamp(time(now))], out);
             }
@@ -190,7 +190,7 @@ impl Session {
         self.asked = Some(now);
     }
 
-    /// Makes a topic, what it belongs to, and its writer or reader.
+    /// Creates a topic, its publisher or subscriber, and its writer or reader.
     fn make(&mut self, place: usize, out: &mut Vec<u8>) {
         let topic = Topic::ALL.get(place).copied();
         if topic.is_some() && topic == self.without {
@@ -213,7 +213,7 @@ impl Session {
         self.say(RELIABLE, &made, out);
     }
 
-    /// Wants the data of a topic that is taken.
+    /// Asks for the data of a topic, if the board subscribes to it.
     fn want(&mut self, place: usize, out: &mut Vec<u8>) {
         if Topic::ALL.get(place).is_some_and(|topic| topic.is_taken()) {
             let request = self.numbered(object(place, DATA_READER));
@@ -226,7 +226,7 @@ impl Session {
         Request { number: [0, self.request], object }
     }
 
-    /// A message of the session.
+    /// Sends a message of the session.
     fn say(&mut self, stream: u8, submessages: &[FromClient<'_>], out: &mut Vec<u8>) {
         let count = match stream {
             RELIABLE => &mut self.reliable,
@@ -246,7 +246,7 @@ impl Session {
         }
     }
 
-    /// A message before the session.
+    /// Sends a message before the session has begun.
     fn say_in(&mut self, session: u8, submessage: &FromClient<'_>, out: &mut Vec<u8>) {
         let mut draft = Draft::<LONGEST>::new(Header { session, stream: NO_STREAM, sequence: 0 });
         draft.client(submessage);
@@ -259,7 +259,7 @@ const PUBLISHER: u8 = 3;
 const DATA_WRITER: u8 = 5;
 const DATA_READER: u8 = 6;
 
-/// The object of a kind for the topic at a place of the list.
+/// The object of a kind that belongs to the topic with this index in [`Topic::ALL`].
 fn object(place: usize, kind: u8) -> ObjectId {
     let [high, low] = ((place as u16 + 16) << 4 | u16::from(kind)).to_be_bytes();
     ObjectId([high, low])
