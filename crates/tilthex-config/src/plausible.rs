@@ -1,30 +1,31 @@
-//! What cannot be, though each number by itself may: a line too slow for its streams, poses too old to fly on, a
-//! vehicle that no air carries, numbers in another unit.
+//! Refuses numbers that are valid one by one but impossible together: a line that is too slow for its streams, poses that
+//! are too old to fly with, a vehicle that cannot hover, numbers in another unit.
 
 use super::{Config, ConfigError};
 use tilthex_core::{Matrix3, Rotor, Vector3, Vehicle, allocation::Allocator, types::Vector6};
 use tilthex_link::{Link, LinkKind, LinkParams, VehicleLink};
 
-/// Poses that are older than 0.1 s count as lost (docs/faults.md); with the time between two of them and their
-/// delay on the network, they may be so old when they leave the capture system, s.
+/// Largest age of a pose when it leaves the capture system, s. Poses older than 0.1 s count as lost (docs/faults.md); the
+/// rest is for the time between two poses and for the network.
 const MAX_LATENCY: f64 = 0.08;
-/// Part of a line that its streams may take.
+/// Largest part of a line's capacity that its streams may use.
 const MAX_LOAD: f64 = 0.9;
-/// Bits on the line of one byte.
+/// Number of bits that the line needs for one byte.
 const BITS: f64 = 10.0;
-/// Farthest that anything of a vehicle is from its centre of mass, m.
+/// Largest distance of a rotor, tool or sensor from the centre of mass, m.
 const MAX_REACH: f64 = 5.0;
 /// Fastest rotor, Hz.
 const MAX_SPEED: f64 = 1000.0;
-/// Principal moments may break the triangle inequality by this much, as rounded numbers do.
+/// Factor by which principal moments may break the triangle inequality, because numbers are rounded.
 const INERTIA_SLACK: f64 = 1.02;
-/// A weight counts as carried when the wrench is this part of it off, N and N m by N.
+/// The rotors carry the weight if the error of their wrench (N and N m) is below this part of the weight (N).
 const CARRIED: f64 = 0.01;
-/// Heaviest vehicle, kg.
+/// Largest mass of a vehicle, kg.
 const MAX_MASS: f64 = 1000.0;
 /// Above this mass, kg, the message asks whether the unit is right.
 const HEAVY: f64 = 100.0;
-/// Radii of gyration, as parts of the farthest rotor's distance; outside of them the message asks whether the unit is right.
+/// Smallest and largest radius of gyration, divided by the farthest rotor's distance. Outside of them the message asks
+/// whether the unit is right.
 const GYRATION: (f64, f64) = (0.02, 2.0);
 
 impl Config {
@@ -36,10 +37,9 @@ impl Config {
             return Ok(());
         }
         let beside =
-            if constant > 0.0 { format!(" beside {constant} of [estimator]") } else { String::new() };
+            if constant > 0.0 { format!(", and {constant} s of [estimator]") } else { String::new() };
         Err(ConfigError::new(format!(
-            "[mocap]: latency is {mocap} s{beside}; expected {most} s at most together, for poses older than 0.1 s count as \
-             lost"
+            "[mocap]: latency is {mocap} s{beside}; expected {most} s at most together: poses older than 0.1 s count as lost"
         )))
     }
 
@@ -74,7 +74,7 @@ impl Config {
         )))
     }
 
-    /// Refuses a vehicle that takes throttles, where its throttles are not known or a rotor turns both ways.
+    /// Refuses a vehicle that needs throttles (PX4) if its throttle map is not known or a rotor turns in both directions.
     pub(super) fn check_throttle(&self) -> Result<(), ConfigError> {
         if self.link.kind()? != LinkKind::Px4 {
             return Ok(());
@@ -83,7 +83,7 @@ impl Config {
         if let Some(rotor) = reversible {
             return Err(ConfigError::new(format!(
                 "[link]: protocol is \"px4\", and min_speed of rotor {} is negative; expected 0 or more: this link turns rotors \
-                 one way",
+                 in one direction only",
                 rotor + 1
             )));
         }
@@ -94,13 +94,13 @@ impl Config {
             return Ok(());
         }
         Err(ConfigError::new(format!(
-            "[link]: throttle is {:?}, which asks for {whole:.2} at {fastest} Hz, the largest speed, and for {half:.2} at half of it; \
-             expected throttles from 0 to 1 that grow: fit them as docs/howto/px4.md says",
+            "[link]: throttle is {:?}, which gives {whole:.2} at {fastest} Hz, the largest speed, and {half:.2} at half of it; \
+             expected a throttle from 0 to 1 that grows with the speed: fit the map as docs/howto/px4.md says",
             throttle.coefficients
         )))
     }
 
-    /// Refuses a vehicle that its rotors, within their limits, do not hold in the air in any attitude.
+    /// Refuses a vehicle whose rotors cannot carry its weight within their limits, in any attitude.
     pub(super) fn check_hover(&self) -> Result<(), ConfigError> {
         let vehicle = self.vehicle.vehicle();
         let weight = vehicle.weight();
@@ -116,7 +116,7 @@ impl Config {
             return Ok(());
         }
         let level = vehicle.hover_speeds(&Matrix3::identity());
-        // How far, as a factor, a rotor would have to be outside of its limits.
+        // The factor by which a rotor's speed would be outside of its limits.
         let outside = |(rotor, &speed): (&Rotor, &f64)| {
             (speed.abs() / rotor.max_speed.abs()).max(rotor.min_speed.abs() / speed.abs())
         };
@@ -131,7 +131,7 @@ impl Config {
             None => return Ok(()),
         };
         Err(ConfigError::new(format!(
-            "[vehicle]: it cannot hover: for its weight of {weight:.1} N, level, its rotor {number} would turn at \
+            "[vehicle]: it cannot hover: to carry its weight of {weight:.1} N in level hover, rotor {number} would turn at \
              {found:.1} Hz; expected {} to {} Hz: check mass (kg), thrust_coefficient (N/Hz^2), min_speed and max_speed (Hz, \
              which is rpm / 60)",
             rotor.min_speed, rotor.max_speed
@@ -150,7 +150,7 @@ pub(super) fn check_place(what: &str, place_r: &Vector3) -> Result<(), ConfigErr
     Ok(())
 }
 
-/// Refuses a mass that is likely in grams.
+/// Refuses a mass that is probably in grams.
 pub(super) fn check_mass(mass: f64) -> Result<(), ConfigError> {
     if mass > MAX_MASS {
         return Err(ConfigError::new(format!(
@@ -160,7 +160,7 @@ pub(super) fn check_mass(mass: f64) -> Result<(), ConfigError> {
     Ok(())
 }
 
-/// Refuses a body that cannot exist, and numbers that are likely in another unit.
+/// Refuses a body that cannot exist, and numbers that are probably in another unit.
 pub(super) fn check_body(vehicle: &Vehicle) -> Result<(), ConfigError> {
     let refuse = |sentence: String| Err(ConfigError::new(sentence));
     let moments = vehicle.inertia().symmetric_eigenvalues();
@@ -168,7 +168,7 @@ pub(super) fn check_body(vehicle: &Vehicle) -> Result<(), ConfigError> {
     if largest > INERTIA_SLACK * (sum - largest) {
         return refuse(format!(
             "inertia has the principal moments {:.4e}, {:.4e} and {:.4e} kg m^2; expected none above the sum of the other \
-             two, as for every body",
+             two, because no body has such an inertia",
             moments[0], moments[1], moments[2]
         ));
     }
@@ -185,7 +185,7 @@ pub(super) fn check_body(vehicle: &Vehicle) -> Result<(), ConfigError> {
     Ok(())
 }
 
-/// Questions about numbers that may be, but are rarely meant.
+/// Questions about numbers that are possible but unusual.
 pub(super) fn questions(vehicle: &Vehicle) -> Vec<String> {
     let mut found = Vec::new();
     if vehicle.mass() > HEAVY {
@@ -195,8 +195,8 @@ pub(super) fn questions(vehicle: &Vehicle) -> Vec<String> {
     let gyration = (vehicle.inertia().symmetric_eigenvalues().max() / vehicle.mass()).sqrt();
     if !(GYRATION.0 * reach..=GYRATION.1 * reach).contains(&gyration) {
         found.push(format!(
-            "[vehicle]: inertia is that of a ring of {gyration:.3} m radius, with rotors up to {reach:.3} m from the centre: is it \
-             in kg m^2?"
+            "[vehicle]: inertia is that of a ring with a radius of {gyration:.3} m, and the farthest rotor is {reach:.3} m from \
+             the centre: is it in kg m^2?"
         ));
     }
     found

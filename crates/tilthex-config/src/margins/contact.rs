@@ -1,37 +1,37 @@
-//! Where contact is stable: the tool against an elastic environment.
+//! Stable contact: the stiffnesses of an elastic environment at which contact of the tool is stable.
 
 use super::model::{LoopModel, Matrix, Number, real, unstable};
 use tilthex_core::{Matrix6, Vector3, types::Vector6};
 
-/// No environment is stiffer, N/m and N m/rad.
+/// The largest stiffness that is examined, N/m and N m/rad.
 const STIFFEST: f64 = 1e6;
-/// Each apparent mass that is tried by the one before, and the smallest by the configured one.
+/// Each apparent mass that is tried, divided by the one before; and the smallest, divided by the configured one.
 const SMALLER: f64 = 0.9;
 const SMALLEST: f64 = 1e-3;
 
 /// An elastic environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Contact {
-    /// In which way it holds the tool.
+    /// How it holds the tool.
     pub hold: Hold,
-    /// Its damping by its stiffness, s; 0 is the worst.
+    /// Its damping divided by its stiffness, s; 0 is the worst.
     pub damping_time: f64,
 }
 
-/// In which way the tool is held.
+/// How an environment holds the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Hold {
-    /// The tip pushes against a surface without friction whose normal this is, world.
+    /// The tip pushes against a surface without friction. The vector is the surface's normal, world.
     Along(Vector3),
-    /// Something holds the tool against turning about this axis, world, while a spring (N/m) with a damper (N s/m)
-    /// holds its tip.
+    /// The environment resists turning of the tool about this axis, world, while a spring (N/m) and a damper (N s/m) hold
+    /// its tip.
     About(Vector3, [f64; 2]),
 }
 
 /// Stiffnesses at which contact is stable.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StiffnessRange {
-    /// From and to, N/m or N m/rad, rising; up to 1e6 counts as up to any.
+    /// Ranges from and to, N/m or N m/rad, rising. A range that ends at 1e6 (the largest that is examined) has no end.
     pub stable: Vec<(f64, f64)>,
 }
 
@@ -50,7 +50,7 @@ impl StiffnessRange {
 }
 
 impl Contact {
-    /// A surface without damping and friction, with this normal (world) at the tip.
+    /// A surface without damping and friction, with the normal `normal_w` (world).
     #[must_use]
     pub fn along(normal_w: Vector3) -> Self {
         Self { hold: Hold::Along(normal_w), damping_time: 0.0 }
@@ -61,7 +61,7 @@ impl LoopModel {
     /// The stiffnesses of an environment at which contact is stable.
     #[must_use]
     pub fn contact(&self, contact: Contact) -> StiffnessRange {
-        // A point contact exerts a force alone; what little torque is observed beside it stays in its dead zone.
+        // A point contact exerts only a force. The small torque that is observed with it stays in the dead zone.
         let turns = matches!(contact.hold, Hold::About(..)) || self.params.torque_dead_zone == 0.0;
         let (direction, tip) = match contact.hold {
             Hold::Along(n) => (Vector6::new(n.x, n.y, n.z, 0.0, 0.0, 0.0), [0.0; 2]),
@@ -70,7 +70,7 @@ impl LoopModel {
         let direction = direction.normalize().map(|x| Number::new(x, 0.0));
         let holds = real(&Matrix6::from_diagonal(&Vector6::new(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)));
         let model = self.with_springs();
-        // The answer to the environment, and the characteristic function without it.
+        // The tool's response to the environment, and the characteristic function without the environment.
         let value = |frequency: f64| {
             let at = model.at(frequency, [true, turns]);
             let free = model.compliance(&at)?;
@@ -86,7 +86,7 @@ impl LoopModel {
         ranges(poles, &answers)
     }
 
-    /// The stiffness range of the direction in which it is smallest, of the 13 axes through a cube.
+    /// The worst direction and its stiffness range, of the 13 axes through a cube's faces, edges and corners.
     #[must_use]
     pub fn worst_contact(&self, damping_time: f64) -> (Vector3, StiffnessRange) {
         let steps = [-1.0, 0.0, 1.0];
@@ -101,9 +101,10 @@ impl LoopModel {
             .unwrap_or((Vector3::z(), StiffnessRange { stable: Vec::new() }))
     }
 
-    /// The apparent mass, kg, along an axis of the world (0, 1, 2) below which contact along it, with this damping time
-    /// (s), is no longer stable at every stiffness up to this one, N/m: the damping as it is, the mass made smaller
-    /// from what it is. Infinite where it is not stable as it is, 0 where any mass down to a thousandth is.
+    /// The least apparent mass, kg, along a world axis (0, 1, 2) with which contact along this axis is stable at every
+    /// stiffness up to `stiffness`, N/m. `damping_time` is that of the environment, s. The mass is reduced from the
+    /// configured one; the filter's damping stays. Infinite if contact with the configured mass is not stable; 0 if it is
+    /// stable with every mass down to a thousandth of it.
     #[must_use]
     pub fn least_apparent_mass(&self, axis: usize, stiffness: f64, damping_time: f64) -> f64 {
         let mut direction = Vector3::zeros();
@@ -126,7 +127,8 @@ impl LoopModel {
         0.0
     }
 
-    /// A filter without springs drifts, which is no matter of contact: the weakest spring stands for none.
+    /// The same model with a very weak spring added. A filter without springs drifts, and this pole at zero would count as
+    /// unstable although it has nothing to do with contact.
     fn with_springs(&self) -> Self {
         let mut model = self.clone();
         let stiffness = &mut model.params.admittance.stiffness;
@@ -137,15 +139,15 @@ impl LoopModel {
     }
 }
 
-/// From the number of unstable poles without the environment and the tool's answer to it over the frequency: a spring k
-/// puts a pair of poles on the imaginary axis where the answer is -1/k.
+/// The stable ranges, from the number of unstable poles without the environment and the tool's response over the
+/// frequency: a spring k puts a pair of poles on the imaginary axis at the frequency at which the response is -1/k.
 fn ranges(mut unstable: usize, answers: &[Number]) -> StiffnessRange {
     let mut borders: Vec<(f64, bool)> = answers
         .windows(2)
         .filter(|w| (w[0].im > 0.0) != (w[1].im > 0.0))
         .filter_map(|w| {
             let re = w[0].re + (w[1].re - w[0].re) * w[0].im / (w[0].im - w[1].im);
-            // Upwards, the pair moves to the right as the spring gets stiffer.
+            // If the response crosses the real axis upwards, a stiffer spring moves the pair to the right.
             (re < 0.0).then_some((-1.0 / re, w[1].im > w[0].im))
         })
         .filter(|(stiffness, _)| *stiffness < STIFFEST)

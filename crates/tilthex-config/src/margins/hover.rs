@@ -9,14 +9,16 @@ use nalgebra::{Complex, ComplexField};
 /// A loop gain below this counts as zero.
 const LEAST_GAIN: f64 = 1e-3;
 
-/// How far the loop of one axis is from its stability limit, the other axes' loops closed.
+/// Distance of one axis' loop from its stability limit, while the loops of the other axes are closed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxisMargins {
-    /// Least phase, degrees, that can be lost where the gain is one; negative where the loop is unstable.
+    /// Phase that can be lost at a gain of one before the loop is unstable, degrees: the least of all crossings. Negative
+    /// if the loop is unstable.
     pub phase_margin_deg: f64,
-    /// The least factor above one on the pose control's gains that makes the loop unstable; infinite for none.
+    /// The least factor above one that makes the loop unstable when it multiplies the pose control's gains; infinite if
+    /// there is none.
     pub gain_margin: f64,
-    /// Delay, s, that can be added.
+    /// Delay that can be added before the loop is unstable, s.
     pub delay_margin: f64,
     /// Largest amplification of a disturbance by the loop, |S|.
     pub sensitivity_peak: f64,
@@ -27,7 +29,7 @@ pub struct AxisMargins {
 /// Margins of the six axes: translation along x, y, z of the world, then rotation about x, y, z of the robot.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HoverMargins {
-    /// By axis.
+    /// The margins of each axis.
     pub axes: [AxisMargins; 6],
     /// Whether the whole loop is stable.
     pub stable: bool,
@@ -50,9 +52,9 @@ impl HoverMargins {
     }
 }
 
-/// One sentence where the margins of a vehicle that is its model are low.
+/// One sentence if margins are low, for a vehicle that equals its model.
 pub(crate) fn warning(model: &LoopModel) -> Option<String> {
-    // Its axes do not act on each other.
+    // The axes of such a vehicle do not act on each other.
     let found: [AxisMargins; 6] = std::array::from_fn(|axis| model.axis_margins(axis, model.frequencies()));
     let low = |a: &AxisMargins| a.phase_margin_deg < LOW_PHASE_MARGIN_DEG || a.sensitivity_peak > HIGH_PEAK;
     let axes: Vec<usize> = (0..6).filter(|i| low(&found[*i])).collect();
@@ -69,24 +71,24 @@ pub(crate) fn warning(model: &LoopModel) -> Option<String> {
     let delay = 1e3 * (model.delays.line + 0.5 * model.delays.period);
     Some(format!(
         "[pose_control]: {names}: {what}, with {delay:.1} ms of delay and the rotors' lag; expected at least \
-         {LOW_PHASE_MARGIN_DEG} degrees and at most {HIGH_PEAK}: lower the gains, or take those of `tilthex tune`, with \
+         {LOW_PHASE_MARGIN_DEG} degrees and at most {HIGH_PEAK}: lower the gains, or use those of `tilthex tune`, with \
          {LEAST_PHASE_MARGIN_DEG} degrees"
     ))
 }
 
-/// The loops of the six axes over the frequency, each with all others closed.
+/// The loops of the six axes over the frequency. For each of them all others are closed.
 #[derive(Clone, Debug)]
 pub struct Loops {
     /// Rad/s, rising.
     pub frequencies: Vec<f64>,
-    /// Loop gain by axis, as long as the frequencies.
+    /// Loop gain of each axis at each frequency.
     pub gains: [Vec<Complex<f64>>; 6],
     /// Whether the whole closed loop is stable.
     pub stable: bool,
 }
 
 impl LoopModel {
-    /// The loops in a contact-free hover, where the admittance filter rests in its dead zones, broken at the
+    /// The loops in a contact-free hover, in which the admittance filter rests in its dead zones. They are opened at the
     /// accelerations that the pose control asks for.
     #[must_use]
     pub fn loops(&self) -> Loops {
@@ -99,7 +101,7 @@ impl LoopModel {
             let Some(sensitivity) = closed.try_inverse() else { continue };
             frequencies.push(frequency);
             for (i, of_axis) in gains.iter_mut().enumerate() {
-                // With all other loops closed an axis has the sensitivity S_ii.
+                // With all other loops closed, S_ii is the sensitivity of axis i.
                 of_axis.push(sensitivity[(i, i)].inv() - 1.0);
             }
         }
@@ -107,14 +109,14 @@ impl LoopModel {
         Loops { frequencies, gains, stable: unstable(&characteristic, value) == 0 }
     }
 
-    /// Margins of one axis by itself, of a vehicle that is its model, over rising frequencies, rad/s.
+    /// Margins of one axis by itself, over rising frequencies, rad/s, for a vehicle that equals its model.
     pub(super) fn axis_margins(&self, axis: usize, frequencies: impl Iterator<Item = f64>) -> AxisMargins {
         let (frequencies, gains): (Vec<_>, Vec<_>) =
             frequencies.map(|w| (w, self.axis_gain(axis, w))).unzip();
         margins(&frequencies, &gains)
     }
 
-    /// Margins in a contact-free hover, of [`Self::loops`].
+    /// Margins of [`Self::loops`], in a contact-free hover.
     #[must_use]
     pub fn hover(&self) -> HoverMargins {
         let loops = self.loops();
@@ -139,7 +141,7 @@ fn margins(frequencies: &[f64], gains: &[Complex<f64>]) -> AxisMargins {
         if (high > 0.0) != (low > 0.0) {
             let part = high / (high - low);
             let frequency = w[0] * (w[1] / w[0]).powf(part);
-            // The phase above -180 degrees, at the crossing.
+            // The distance of the phase from -180 degrees, at the crossing.
             let margin = (-a).argument() + part * (b / a).argument();
             found.phase_margin_deg = found.phase_margin_deg.min(margin.to_degrees());
             found.delay_margin = found.delay_margin.min(margin / frequency);

@@ -1,6 +1,6 @@
 //! Stability margins from a configuration alone: a linear model of the loop in hover and in contact.
 //!
-//! docs/stability.md derives it.
+//! docs/stability.md derives this model.
 
 mod contact;
 mod hover;

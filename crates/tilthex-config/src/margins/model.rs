@@ -1,5 +1,5 @@
-//! The linear model: what stands between a wanted acceleration and the acceleration, and between a wrench at the
-//! tool and the tool's way.
+//! The linear model: the transfer functions from a wanted acceleration to the acceleration, and from a wrench at the tool
+//! to the tool's displacement.
 
 use crate::{Config, TrueVehicle};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
@@ -18,47 +18,46 @@ pub(crate) type Number = Complex<f64>;
 pub(crate) type Matrix = SMatrix<Number, 6, 6>;
 type Diagonal = SVector<Number, 6>;
 
-/// An axis of which the rotors give less than this share of a wanted acceleration is reached by tilting.
+/// If the rotors give less than this part of a wanted acceleration along an axis, the vehicle tilts to reach it.
 const DIRECT: f64 = 0.5;
-/// The lowest frequency, rad/s, and how many there are up to half the sampling's.
+/// The lowest frequency, rad/s, and the number of frequencies from it to half the sampling frequency.
 const LOWEST: f64 = 0.02;
 const FREQUENCIES: usize = 500;
-/// If the phase between two frequencies differs by more than this, rad, the interval is halved, up to HALVINGS times.
+/// If the phase between two frequencies differs by more than this, rad, the interval is halved, up to [`HALVINGS`] times.
 const MOST_PHASE: f64 = 0.7;
 const HALVINGS: usize = 12;
-/// Only normalises determinants, 1/s.
+/// A pole that only normalises determinants, 1/s.
 const POLE: f64 = 10.0;
 
 /// The delays of the loop, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoopDelays {
-    /// The control period, s: a command is held over it.
+    /// The control period, during which a command is held, s.
     pub period: f64,
-    /// From a sample to the rotors' answer to it, s, in addition to the hold.
+    /// Delay from an inertial sample to the rotors' response to it, s, without the hold.
     pub line: f64,
     /// Age of the rotors' measured speeds, compared with the inertial sample, s.
     pub rotor_speeds: f64,
 }
 
-/// The closed loop of a vehicle in level hover, linear, six axes: translation in world axes, then rotation in robot
-/// axes.
+/// A linear model of the closed loop in level hover, with six axes: translation in world axes, then rotation in robot axes.
 #[derive(Clone, Debug)]
 pub struct LoopModel {
-    /// Pose gains, observer, filter: what the controller has.
+    /// The controller's parameters.
     pub params: ControllerParams,
     /// The delays.
     pub delays: LoopDelays,
-    /// Generalised mass of the model, and the inverse of the true one.
+    /// Generalised mass of the model, and the inverse of the true generalised mass.
     model_mass: Matrix6,
     true_inverse: Matrix6,
-    /// Acceleration that a wanted one gives, both [m/s^2; rad/s^2].
+    /// From a wanted acceleration to the one that results, both [m/s^2; rad/s^2].
     effect: Matrix6,
-    /// Axes that are reached only by tilting.
+    /// Axes along which the vehicle must tilt to accelerate.
     tilts: [bool; 6],
-    /// Twist of the tool by the twist of the robot: as the controller has it, and true.
+    /// From the robot's twist to the tool's twist: in the controller's model, and true.
     model_tool: Matrix6,
     true_tool: Matrix6,
-    /// Rotor lag, s: that of the model and the true one.
+    /// Time constant of the rotors, s: in the model, and true.
     model_lag: f64,
     true_lag: f64,
 }
@@ -69,34 +68,35 @@ pub(crate) struct Point {
     pub s: Number,
     /// Pose control, `K_v s + K_p`.
     pose: Diagonal,
-    /// From the rotors' command to what they give, and the same as the observer sees it.
+    /// From the rotors' command to the acceleration that they give, and to that which the observer computes from measured
+    /// speeds.
     rotors: Diagonal,
     seen: Diagonal,
-    /// The observer on accelerations, and on what the rotors are seen to give.
+    /// The observer's response to accelerations, and to what it computes that the rotors give.
     observer: Matrix,
     observer_rotors: Matrix,
-    /// From the observed wrench, as accelerations, to what the yielding reference asks for.
+    /// From the observed wrench, as accelerations, to the acceleration that the yielding reference asks for.
     yields: Matrix,
-    /// The turn, rad, of the vehicle by the wanted lateral acceleration.
+    /// From the wanted lateral acceleration to the turn of the vehicle, rad.
     turn: Matrix,
 }
 
 /// Delay, hold and lag at one frequency.
 struct Rotor {
     s: Number,
-    /// A period before.
+    /// Delay of one period.
     last: Number,
     hold: Number,
     answer: Number,
 }
 
-/// A first-order lag as it is computed, by its rate times the period.
+/// A first-order lag in the discrete form of the controller. `rate` is the lag's rate times the period.
 fn discrete_lag(rate: f64, last: Number) -> Number {
     let share = -(-rate).exp_m1();
     Number::new(share, 0.0) / (Number::new(1.0, 0.0) - last * (1.0 - share))
 }
 
-/// This many frequencies in equal ratios, from the first up to the last, which is left out.
+/// `count` frequencies in equal ratios, from `from` on; `to` itself is left out.
 pub(crate) fn rising(from: f64, to: f64, count: usize) -> impl Iterator<Item = f64> + use<> {
     let step = (to / from).ln() / count as f64;
     (0..count).map(move |k| from * (step * k as f64).exp())
@@ -117,7 +117,7 @@ fn generalised(vehicle: &Vehicle) -> Matrix6 {
     m
 }
 
-/// `[I, -hat(p); 0, I]`: the twist of a point from that of the robot.
+/// `[I, -hat(p); 0, I]`: from the robot's twist to the twist of a point.
 fn twist_at(position: &Vector3) -> Matrix6 {
     let mut m = Matrix6::identity();
     m.fixed_view_mut::<3, 3>(0, 3).copy_from(&-so3::hat(position));
@@ -125,14 +125,14 @@ fn twist_at(position: &Vector3) -> Matrix6 {
 }
 
 impl LoopModel {
-    /// Of a configuration whose vehicle is its model.
+    /// The model of a configuration whose vehicle equals its model.
     #[must_use]
     pub fn of(config: &Config) -> Self {
         let vehicle = config.vehicle().vehicle();
         Self::new(*config.controller(), vehicle, vehicle, config.loop_delays())
     }
 
-    /// Of a configuration that flies a drawn vehicle.
+    /// The model of a configuration that flies a drawn vehicle.
     #[must_use]
     pub fn of_true(config: &Config, drawn: &TrueVehicle) -> Self {
         let mut delays = config.loop_delays();
@@ -140,7 +140,7 @@ impl LoopModel {
         Self::new(*config.controller(), config.vehicle().vehicle(), drawn.vehicle.vehicle(), delays)
     }
 
-    /// Of a controller that has a model of a true vehicle.
+    /// The model of a controller that uses the vehicle `model` and flies the vehicle `truth`.
     pub(crate) fn new(
         mut params: ControllerParams,
         model: &Vehicle,
@@ -165,7 +165,7 @@ impl LoopModel {
         let tilts = std::array::from_fn(|i| i < 2 && nominal[(i, i)] < DIRECT);
         let mut effect = true_inverse * given(truth) * model_mass;
         for i in (0..6).filter(|i| tilts[*i]) {
-            // By tilting the thrust, which carries the weight, the acceleration is the turn's, whatever the model is.
+            // The thrust carries the weight. If it is tilted, the acceleration depends on the turn alone, not on the model.
             effect.row_mut(i).fill(0.0);
             effect.column_mut(i).fill(0.0);
             effect[(i, i)] = 1.0;
@@ -184,13 +184,13 @@ impl LoopModel {
         }
     }
 
-    /// The frequencies, rad/s, at which everything is computed.
+    /// The frequencies at which the transfer functions are computed, rad/s.
     pub(crate) fn frequencies(&self) -> impl Iterator<Item = f64> + use<> {
         rising(LOWEST, PI / self.delays.period, FREQUENCIES)
     }
 
-    /// The laws and the vehicle at a frequency, rad/s. Of the observed tool wrench, `drives` says of force and of torque
-    /// whether it moves the reference: inside a dead zone it does not.
+    /// The control laws and the vehicle at a frequency, rad/s. `drives` says whether the observed force and the observed
+    /// torque at the tool move the reference: inside a dead zone they do not.
     pub(crate) fn at(&self, frequency: f64, drives: [bool; 2]) -> Point {
         let one = Number::new(1.0, 0.0);
         let period = self.delays.period;
@@ -203,7 +203,7 @@ impl LoopModel {
         let vertical = self.effect[(2, 2)];
         for i in 0..6 {
             if self.tilts[i] {
-                // Forward by a turn about y, left by one about -x.
+                // A turn about y accelerates the vehicle forwards, a turn about -x to the left.
                 let (about, sign) = if i == 0 { (4, 1.0) } else { (3, -1.0) };
                 let tilt = self.turned(s) * self.attitude(s, rotor, about);
                 rotors[i] = tilt;
@@ -213,7 +213,7 @@ impl LoopModel {
                 seen[i] *= late(self.delays.rotor_speeds);
             }
         }
-        // The torque observer sees means over the last period.
+        // The torque observer uses means over the last period.
         let mean = one + last;
         let gains = self.params.observer;
         let of = |i: usize| lag(if i < 3 { gains.force[i] } else { gains.torque[i - 3] });
@@ -239,8 +239,8 @@ impl LoopModel {
         }
     }
 
-    /// The loop of one axis of a vehicle that is its model, at a frequency, rad/s: what [`Self::loop_gain`] has on its
-    /// diagonal.
+    /// The loop gain of one axis at a frequency, rad/s, for a vehicle that equals its model: an element of the diagonal of
+    /// [`Self::loop_gain`].
     pub(crate) fn axis_gain(&self, axis: usize, frequency: f64) -> Number {
         let Rotor { s, last, answer, .. } = self.rotor(frequency);
         let pose = self.pose(s)[axis] / (s * s);
@@ -254,7 +254,7 @@ impl LoopModel {
         pose * answer / (observed + 1.0)
     }
 
-    /// Whether an axis is reached only by tilting.
+    /// Whether the vehicle must tilt to accelerate along an axis.
     pub(crate) fn tilts(&self, axis: usize) -> bool {
         self.tilts[axis]
     }
@@ -277,7 +277,7 @@ impl LoopModel {
         })
     }
 
-    /// The turn's filter, from the wanted tilt to the reference's.
+    /// The filter from the wanted tilt to the reference's tilt.
     fn turned(&self, s: Number) -> Number {
         let bandwidth = self.params.attitude.bandwidth;
         let following = (3.0 * bandwidth).max(if self.model_lag > 0.0 { 1.0 / self.model_lag } else { 0.0 });
@@ -285,7 +285,7 @@ impl LoopModel {
         Number::new(bandwidth * bandwidth * following, 0.0) / (s * s * (s + following) + damped * following)
     }
 
-    /// The attitude's answer to its reference, with the lead that makes up for the model's lag.
+    /// From the reference's attitude to the attitude, with the lead that compensates the rotor lag of the model.
     fn attitude(&self, s: Number, rotor: Number, about: usize) -> Number {
         let g = &self.params.pose;
         let feedback = s * g.angular_velocity[about - 3] + g.rotation[about - 3];
@@ -293,8 +293,9 @@ impl LoopModel {
         rotor * (lead + feedback) / (s * s + rotor * feedback)
     }
 
-    /// From a wrench at the tool to the acceleration that is commanded at the centre of mass: the admittance filter's
-    /// own, and the pose control of its way and speed. `hold` is that of a wrench over the period before.
+    /// From a wrench at the tool to the commanded acceleration at the centre of mass: the acceleration of the admittance
+    /// filter, and that with which pose control follows the filter's displacement and speed. `hold` is the hold of a wrench
+    /// over the period before.
     fn yields(&self, s: Number, pose: &Diagonal, hold: Number) -> Matrix {
         let a = &self.params.admittance;
         let law = real(&a.mass) * (s * s) + real(&a.damping) * s + real(&a.stiffness);
@@ -306,8 +307,8 @@ impl LoopModel {
         to_robot * acceleration + Matrix::from_diagonal(pose) * to_robot * way
     }
 
-    /// What the pose control and what the observer take off the rotors' command, per command: 6x6, accelerations.
-    /// `yielding`: with the admittance filter.
+    /// From the rotors' command to what pose control and the observer subtract from it: 6x6, accelerations. `yielding` says
+    /// whether the admittance filter takes part.
     fn feedback(&self, at: &Point, yielding: bool) -> (Matrix, Matrix) {
         let rest = if yielding { Matrix::identity() - at.yields } else { Matrix::identity() };
         let moved = real(&self.effect) * Matrix::from_diagonal(&at.rotors);
@@ -315,20 +316,21 @@ impl LoopModel {
         (pose, rest * (at.observer * moved - at.observer_rotors * Matrix::from_diagonal(&at.seen)))
     }
 
-    /// The loop gain, 6x6, broken at the accelerations that the pose control asks for, the admittance filter at rest.
+    /// The loop gain, 6x6, with the admittance filter at rest. The loop is opened at the accelerations that pose control
+    /// asks for.
     pub(crate) fn loop_gain(&self, at: &Point) -> Option<Matrix> {
         let (pose, observer) = self.feedback(at, false);
         Some(pose * (Matrix::identity() + observer).try_inverse()?)
     }
 
-    /// `det(I + feedback)` without its double integrators; its turns around zero count the unstable poles.
+    /// `det(I + feedback)` without its double integrators. The number of its turns around zero gives the unstable poles.
     pub(crate) fn characteristic(&self, at: &Point, yielding: bool) -> Number {
         let (pose, observer) = self.feedback(at, yielding);
         let integrator = at.s * at.s / ((at.s + POLE) * (at.s + POLE));
         (Matrix::identity() + pose + observer).determinant() * integrator.powu(6)
     }
 
-    /// The way of the tool, m and rad, by a wrench at it, N and N m.
+    /// From a wrench at the tool, N and N m, to the tool's displacement, m and rad.
     pub(crate) fn compliance(&self, at: &Point) -> Option<Matrix> {
         let one = Matrix::identity();
         let rest = at.yields - one;
@@ -345,8 +347,8 @@ impl LoopModel {
     }
 }
 
-/// Of a function with real value at zero and 1 at infinity, by frequency: how many zeros it has in the right half-plane.
-/// `known` are its values at rising frequencies; between two with much phase it is evaluated again.
+/// The number of zeros in the right half-plane of a function that is real at frequency zero and 1 at infinity. `known` are
+/// its values at rising frequencies. Where the phase changes by more than [`MOST_PHASE`], more values are computed.
 pub(crate) fn unstable(known: &[(f64, Number)], value: impl Fn(f64) -> Number) -> usize {
     fn turned(
         from: (f64, Number),

@@ -7,7 +7,8 @@ fn of(overlay: &str) -> LoopModel {
     LoopModel::of(&config.overlaid(overlay.parse().unwrap()).unwrap())
 }
 
-/// Gains of the loop `(rate s + proportional) / s^2` behind a lag of 0.03 s and 5 ms of delay, half a period of them the hold.
+/// Compares with the loop `(rate s + proportional) / s^2` with a lag of 0.03 s and a delay of 5 ms, of which half a period is
+/// the hold.
 #[test]
 fn margins_are_those_of_the_loop_in_closed_form() {
     let model = of(
@@ -39,7 +40,7 @@ fn a_gain_of_nine_hundred_is_unstable_and_a_soft_one_stable() {
     assert!(of("").hover().stable);
 }
 
-/// Above the observer's bandwidth a vehicle that is lighter than its model answers by this much more.
+/// Above the observer's bandwidth, a vehicle that is lighter than its model accelerates more, by the ratio of the masses.
 #[test]
 fn a_lighter_vehicle_has_so_much_less_gain_margin() {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());

@@ -1,39 +1,41 @@
-//! Gains from the vehicle: as fast as the rotors' lag and the delays let them be.
+//! Gains from the vehicle: the fastest that the rotors' lag and the delays allow.
 
 use super::model::{LoopModel, rising};
 use tilthex_core::Vector3;
 
-/// Asked of every axis of the nominal vehicle, degrees.
+/// The phase margin that derived gains give every axis of the nominal vehicle, degrees.
 pub const LEAST_PHASE_MARGIN_DEG: f64 = 45.0;
-/// Asked of every axis' sensitivity of the nominal vehicle.
+/// The largest sensitivity peak of every axis of the nominal vehicle with derived gains.
 pub const LARGEST_PEAK: f64 = 2.0;
-/// Derived gains have this much phase margin more, degrees.
+/// Phase margin that derived gains have in addition, degrees.
 const RESERVE_DEG: f64 = 0.5;
-/// Below this phase margin, degrees, or above [`HIGH_PEAK`], a warning is given, and the default gains are derived.
+/// If the phase margin is below this, degrees, or the sensitivity peak above [`HIGH_PEAK`], the program warns, and default
+/// gains are derived from the vehicle.
 pub const LOW_PHASE_MARGIN_DEG: f64 = 25.0;
-/// The sensitivity peak above which a warning is given.
+/// The sensitivity peak above which the program warns.
 pub const HIGH_PEAK: f64 = 2.5;
-/// The margins of derived gains, each axis by itself.
+/// The phase margin, degrees, and the largest sensitivity peak of derived gains, for each axis by itself.
 const ASKED: (f64, f64) = (LEAST_PHASE_MARGIN_DEG + RESERVE_DEG, LARGEST_PEAK);
-/// The fastest double poles that are derived, 1/s: position and rotation.
+/// The fastest double poles that are derived, 1/s, of position and of rotation.
 const FASTEST: (f64, f64) = (10.0, 15.0);
 /// The slowest double pole that is tried, and the step between two of them, 1/s.
 const STEP: f64 = 0.1;
-/// Frequencies at which a loop is computed, rad/s: from, to, how many.
+/// Frequencies at which a loop is computed, rad/s: from, to, and their number.
 const SWEEP: (f64, f64, usize) = (0.3, 300.0, 150);
-/// The observer's gain is at most this multiple of pose control's double pole, and at most this, 1/s; the force
-/// observer's has a lower limit for a vehicle that must tilt to move sideways.
+/// The observer's gain is at most [`OBSERVER_BY_POLE`] times the double pole of pose control, and at most
+/// [`FASTEST_OBSERVER`], 1/s. If the vehicle must tilt to move sideways, the force observer's gain is at most
+/// [`FASTEST_TILTING_OBSERVER`].
 const OBSERVER_BY_POLE: f64 = 1.0 / 0.3;
 const FASTEST_OBSERVER: f64 = 30.0;
 const FASTEST_TILTING_OBSERVER: f64 = 4.0;
 
-/// A section's name, and its keys with their three axes.
+/// A section's name, and its keys with the values of three axes.
 type Gains = (&'static str, Vec<(&'static str, [f64; 3])>);
 
 /// Derived gains: pose control is critically damped.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Derived {
-    /// The double poles of the position loop, 1/s: along x and y, and along z.
+    /// The double poles of the position loop, 1/s: that of x and y, and that of z.
     pub position: [f64; 2],
     /// The double pole of the rotation loop, 1/s.
     pub rotation: f64,
@@ -44,7 +46,7 @@ pub struct Derived {
 }
 
 impl Derived {
-    /// As a configuration has them: section, keys, and each key's three axes.
+    /// The gains as a configuration names them: sections, keys, and the values of three axes.
     #[must_use]
     pub fn sections(&self) -> [Gains; 2] {
         let square = |rate: f64| (rate * rate * 100.0).round() / 100.0;
@@ -74,8 +76,8 @@ impl Derived {
 }
 
 impl LoopModel {
-    /// The fastest gains whose loops have the required margins; of this model only vehicle, delays and the turn's filter
-    /// count.
+    /// The fastest gains whose loops have the required margins. Uses only the vehicle, the delays and the turn's filter of
+    /// this model, not its gains.
     #[must_use]
     pub fn derive(&self) -> Derived {
         let mut model = self.clone();
@@ -112,7 +114,7 @@ impl LoopModel {
         (0..6).all(|axis| self.has_margins(axis, (LOW_PHASE_MARGIN_DEG, HIGH_PEAK)))
     }
 
-    /// Whether an axis has, by itself, this phase margin, degrees, and at most this peak of its sensitivity.
+    /// Whether an axis by itself has at least this phase margin, degrees, and at most this sensitivity peak.
     fn has_margins(&self, axis: usize, (phase_margin_deg, peak): (f64, f64)) -> bool {
         let (from, to, count) = SWEEP;
         let found = self.axis_margins(axis, rising(from, to, count));
@@ -120,7 +122,7 @@ impl LoopModel {
     }
 }
 
-/// The fastest pole with which all is well; slower ones are no worse.
+/// The fastest pole for which `holds` is true. If `holds` is true for a pole, it is true for all slower ones.
 fn fastest(most: f64, mut holds: impl FnMut(f64) -> bool) -> f64 {
     let steps = (most / STEP).round() as u32;
     let (mut low, mut high) = (1, steps + 1);

@@ -1,4 +1,4 @@
-//! What orders may ask for: what the vehicle can do, and what people beside it can bear.
+//! The bounds of orders: what the vehicle can do, and what is safe for people beside it.
 
 use tilthex_core::{
     Matrix3, Matrix6, Setpoint, Vector3, Wrench, admittance::AdmittanceParams, flight::Route,
@@ -7,13 +7,13 @@ use tilthex_core::{
 
 use crate::{Config, reach::Reach};
 
-/// The apparent mass at the tool is at least this part of the vehicle's, in translation and in rotation: the lighter it
-/// is, the softer is the hardest thing that may be touched (Keemink, van der Kooij, Stienen, IJRR 2018).
+/// Least apparent mass and inertia at the tool, as a part of the vehicle's mass and inertia. The smaller the apparent mass,
+/// the softer an environment must be for stable contact (Keemink, van der Kooij, Stienen, IJRR 2018).
 const LEAST_MASS: f64 = 0.2;
-/// The damping is at least this times the apparent mass, 1/s: what was pushed comes to rest by itself.
+/// Least damping divided by the apparent mass, 1/s: after a push the tool must come to rest by itself.
 const LEAST_DAMPING: f64 = 0.5;
 
-/// The largest of everything.
+/// The limits of all values in orders.
 #[derive(Clone, Debug)]
 pub(super) struct Bounds {
     rates: Limits,
@@ -28,7 +28,7 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// Of a configuration.
+    /// The bounds of a configuration.
     pub(super) fn of(config: &Config) -> Self {
         let vehicle = config.vehicle().vehicle();
         let admittance = &config.controller().admittance;
@@ -70,7 +70,7 @@ impl Bounds {
         self.check_wrench(&setpoint.rotation_we, &setpoint.wrench_w)
     }
 
-    /// A wrench that the tool shall exert, world, in an attitude of the tool.
+    /// Refuses a wrench (world) that the tool must not or cannot exert in an attitude of the tool.
     pub(super) fn check_wrench(&self, rotation_we: &Matrix3, wrench_w: &Wrench) -> Result<(), String> {
         check("force (N)", length(&wrench_w.force), self.force, "[supervisor] max_force")?;
         check("torque (N m)", length(&wrench_w.torque), self.torque, "[supervisor] max_torque")?;
@@ -79,7 +79,7 @@ impl Bounds {
         }
         if !self.reach.exerts(rotation_we, wrench_w) {
             return Err(format!(
-                "the vehicle cannot push so at its tool and hover: force {} N, torque {} N m, world; ask for less",
+                "the vehicle cannot exert this wrench at its tool and hover: force {} N, torque {} N m, world; ask for less",
                 numbers(&wrench_w.force),
                 numbers(&wrench_w.torque)
             ));
@@ -87,7 +87,7 @@ impl Bounds {
         Ok(())
     }
 
-    /// Admittance parameters; matrices that the order does not name are not checked.
+    /// Refuses admittance parameters that are not safe. Matrices that the order does not name are not checked.
     pub(super) fn check_admittance(
         &self,
         params: &AdmittanceParams,
@@ -100,7 +100,7 @@ impl Bounds {
             if mass < self.mass || inertia < self.inertia {
                 return Err(format!(
                     "mass is {mass:.3e} kg and {inertia:.3e} kg m^2 in its lightest directions; expected {:.3e} kg and {:.3e} kg \
-                     m^2 or more, {LEAST_MASS} of the vehicle's",
+                     m^2 or more, which is {LEAST_MASS} of the vehicle's",
                     self.mass, self.inertia
                 ));
             }
@@ -109,8 +109,8 @@ impl Bounds {
             && (params.damping - params.mass * LEAST_DAMPING).symmetric_eigenvalues().min() < 0.0
         {
             return Err(format!(
-                "damping is too weak for this mass; expected {LEAST_DAMPING} 1/s times the mass or more, so that what was \
-                 pushed comes to rest"
+                "damping is too weak for this mass; expected {LEAST_DAMPING} 1/s times the mass or more, so that the tool \
+                 comes to rest after a push"
             ));
         }
         check("max_translation (m)", params.max_translation, self.max_translation, "[admittance]")?;
@@ -132,5 +132,5 @@ fn check(what: &str, found: f64, most: f64, key: &str) -> Result<(), String> {
     if found <= most {
         return Ok(());
     }
-    Err(format!("{what} is {found:.4}; expected {most:.4} at most, by {key} of the configuration"))
+    Err(format!("{what} is {found:.4}; expected {most:.4} at most, the limit of {key} in the configuration"))
 }

@@ -1,5 +1,5 @@
-//! Orders to a flight as text: JSON lines of the control socket and TOML
-//! trajectory files. One parser for both, and for the replay of a log.
+//! Orders to a flight as text: JSON lines of the control socket, and TOML trajectory files. The control socket, the program
+//! and the replay of a log use the same parser.
 
 mod bounds;
 mod place;
@@ -27,8 +27,8 @@ use place::Geofence;
 pub use place::Place;
 use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
 
-/// Reads the orders that go through the loop's ring (`kill` and `land` do not), and checks them against what the
-/// vehicle can do. It remembers the section `[admittance]`, of which an order may change a part.
+/// Parses the orders that go through the loop's ring (`kill` and `land` do not), and refuses what the vehicle cannot do.
+/// Keeps the section `[admittance]`, because an order may change a part of it.
 #[derive(Clone, Debug)]
 pub struct Orders {
     config: Arc<Config>,
@@ -39,7 +39,7 @@ pub struct Orders {
 }
 
 impl Orders {
-    /// Of a configuration.
+    /// A parser for a configuration.
     #[must_use]
     pub fn new(config: &Config) -> Self {
         Self {
@@ -57,10 +57,10 @@ impl Orders {
         Config { admittance: self.admittance.clone(), ..(*self.config).clone() }.to_toml()
     }
 
-    /// The order a line of JSON stands for: an object with `command` and what the command takes.
+    /// Parses an order from a line of JSON: an object with `command` and the arguments of the command.
     ///
     /// # Errors
-    /// One sentence: what is wrong with it, and what was expected.
+    /// One sentence: what is wrong with the line, and what was expected.
     pub fn parse(&mut self, line: &str) -> Result<Command, String> {
         let mut object: serde_json::Map<String, serde_json::Value> =
             serde_json::from_str(line).map_err(|e| format!("not a JSON object: {e}"))?;
@@ -99,7 +99,7 @@ impl Orders {
             "set_wrench" => {
                 let text = take::<WrenchText>(rest)?;
                 let (wrench_w, force_axes) = (text.wrench(), text.force_axes()?);
-                // Where the tool is turned to when it exerts it is not known here.
+                // The attitude in which the tool will exert the wrench is not known here.
                 self.bounds.check_wrench(&Matrix3::identity(), &wrench_w)?;
                 Ok(Command::SetWrench(wrench_w, force_axes))
             }
@@ -110,7 +110,7 @@ impl Orders {
         }
     }
 
-    /// Keys of `[admittance]` that may change in flight, as its file names them.
+    /// Changes keys of `[admittance]`. They have the names of the configuration.
     fn set_admittance(&mut self, changes: toml::Table) -> Result<Command, String> {
         let names = |key: &str| changes.contains_key(key);
         let (names_mass, names_damping) = (names("mass"), names("damping"));
@@ -124,7 +124,7 @@ impl Orders {
     }
 }
 
-/// Reads a file that people write.
+/// Reads a file that a person wrote.
 ///
 /// # Errors
 /// One sentence: the file, and why it cannot be read.
@@ -132,7 +132,7 @@ pub fn read_file(path: &Path) -> Result<String, ConfigError> {
     files::read_text(path).map_err(|e| ConfigError::new(format!("{}: cannot be read: {e}", path.display())))
 }
 
-/// The route of a trajectory file's text: `[limits]` and `[[waypoint]]` tables.
+/// Parses the route in the text of a trajectory file: `[limits]` and `[[waypoint]]` tables.
 ///
 /// # Errors
 /// One sentence: the line, and what is wrong with it.
@@ -144,11 +144,11 @@ pub fn parse_route(text: &str, base: &Limits) -> Result<Route, String> {
     route.route(base)
 }
 
-/// The force axes of these names: those of the tool, or those of a surface, whose rotation maps its coordinates to world
-/// coordinates.
+/// The force axes with these names. They are axes of the tool, or of a surface if its rotation `surface_ws` is given, which
+/// maps the surface's coordinates to world coordinates.
 ///
 /// # Errors
-/// The unknown name and the known ones, or that the surface is no rotation.
+/// If a name is unknown, or `surface_ws` is not a rotation.
 pub fn force_axes(names: &[String], surface_ws: Option<Matrix3>) -> Result<ForceAxes, String> {
     let mut axes = ForceAxes { surface_ws, ..ForceAxes::NONE };
     for name in names {

@@ -1,4 +1,4 @@
-//! Where orders would lead: the geofence.
+//! The geofence: refuses orders that would lead the vehicle out of it.
 
 use tilthex_core::{
     Matrix3, Vector3, Wrench,
@@ -9,26 +9,26 @@ use tilthex_core::{
 use super::bounds::numbers;
 use crate::Config;
 
-/// Where a flight began, or would begin, and where its tool is; m, world.
+/// The places from which an order is judged, m, world: the start of the flight (or of the next one), and the tool.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
     /// The robot's origin at the start.
     pub start_w: Vector3,
-    /// The tool's reference, position and rotation, in flight.
+    /// Position and rotation of the tool's reference; `None` on the ground.
     pub tool_w: Option<(Vector3, Matrix3)>,
 }
 
-/// The condition that the geofence sets for orders.
+/// Tests orders against the geofence.
 #[derive(Clone, Debug)]
 pub(super) struct Geofence {
     fence: Fence,
     tool: Mounting,
-    /// How far a commanded force moves the tool without resistance, m.
+    /// Largest distance by which a commanded force moves the tool if nothing resists it, m.
     way: f64,
 }
 
 impl Geofence {
-    /// Of a configuration.
+    /// The geofence of a configuration.
     pub(super) fn of(config: &Config) -> Self {
         let supervisor = config.supervisor();
         Self {
@@ -57,11 +57,11 @@ impl Geofence {
         }
     }
 
-    /// Without resistance, a commanded force moves the tool.
+    /// Refuses a wrench that, if nothing resists the tool, would move it out of the geofence.
     fn check_wrench(&self, wrench_w: &Wrench, place: &Place) -> Result<(), String> {
         let Some(along_w) = wrench_w.force.try_normalize(1e-9) else { return Ok(()) };
         let Some((tool_w, rotation_we)) = &place.tool_w else { return Ok(()) };
-        let what = format!("set_wrench: where nothing resists it, the force, after {} m,", self.way);
+        let what = format!("set_wrench: if nothing resists it, the force, after {} m,", self.way);
         self.check_pose(&what, &(tool_w + along_w * self.way), rotation_we, place)
     }
 
@@ -78,8 +78,8 @@ impl Geofence {
         let robot_w = robot_position(&self.tool, position_w, rotation_we);
         let Fence { sideways, up } = self.fence.of_orders();
         Err(format!(
-            "{what} puts the vehicle at {} m, outside the geofence; expected within {sideways:.2} m of the start, {} m, along \
-             x and y, and {up:.2} m above it at most, by [supervisor] geofence and geofence_height",
+            "{what} puts the vehicle at {} m, outside the geofence; expected at most {sideways:.2} m from the start, {} m, \
+             along x and y, and at most {up:.2} m above it, the limits of [supervisor] geofence and geofence_height",
             numbers(&robot_w),
             numbers(&place.start_w)
         ))

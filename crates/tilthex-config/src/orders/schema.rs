@@ -1,4 +1,4 @@
-//! `docs/schema/orders.json`: a JSON Schema of every line that the control socket takes.
+//! `docs/schema/orders.json`: a JSON Schema of every line that a client can send to the control socket.
 //! `TILTHEX_WRITE_DOCS=1 cargo test --workspace --lib orders::schema` writes it.
 
 use schemars::{JsonSchema, SchemaGenerator, generate::SchemaSettings};
@@ -9,12 +9,12 @@ use crate::described;
 
 const PATH: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../docs/schema/orders.json");
 
-/// The arguments of a command, as a schema of its own.
+/// The schema of a command's arguments.
 fn takes<T: JsonSchema>(generator: &mut SchemaGenerator) -> Value {
     Value::from(T::json_schema(generator))
 }
 
-/// Keys of `[admittance]` that change in flight, by their declarations.
+/// The schema of the keys of `[admittance]` that may change in flight, from their declarations.
 fn admittance() -> Value {
     let six = json!({"type": "array", "items": {"type": "number"}, "minItems": 6, "maxItems": 6});
     let rows = json!({"type": "array", "items": six, "minItems": 6, "maxItems": 6});
@@ -46,7 +46,7 @@ fn command(name: &str, mut takes: Value) -> Value {
     let properties =
         object.entry("properties").or_insert_with(|| json!({})).as_object_mut().expect("an object");
     properties.insert("command".into(), json!({"const": name}));
-    properties.insert("id".into(), json!({"description": "The answer has the same."}));
+    properties.insert("id".into(), json!({"description": "The answer has the same id."}));
     let required = object.entry("required").or_insert_with(|| json!([])).as_array_mut().expect("a list");
     required.insert(0, json!("command"));
     takes
@@ -56,7 +56,7 @@ fn schema() -> Value {
     let mut generator = SchemaGenerator::new(SchemaSettings::draft2020_12());
     let g = &mut generator;
     let rate = json!({"anyOf": [{"const": 0}, {"type": "number", "minimum": 0.1, "maximum": 100}],
-                      "description": "States a second; 0 ends the stream. [Hz]"});
+                      "description": "Number of states per second; 0 ends the stream. [Hz]"});
     let stream = json!({"type": "object", "properties": {"rate": rate}, "required": ["rate"]});
     let token = json!({"type": "object", "properties": {"token": {"type": "string"}}});
     let mut commands =

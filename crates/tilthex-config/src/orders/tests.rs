@@ -24,7 +24,7 @@ fn what_the_vehicle_cannot_do_is_refused_with_the_number() {
     for (line, says) in [
         (r#"{"command": "set_wrench", "force": [0, 0, -1e308]}"#.to_string(), "force"),
         (r#"{"command": "set_wrench", "force": [0, 1000, 0]}"#.to_string(), "force"),
-        (r#"{"command": "set_wrench", "force": [25, 0, 0]}"#.to_string(), "push so at its tool"),
+        (r#"{"command": "set_wrench", "force": [25, 0, 0]}"#.to_string(), "exert this wrench at its tool"),
         (r#"{"command": "set_wrench", "torque": [0, 0, 900]}"#.to_string(), "torque"),
         (r#"{"command": "set_wrench", "force_axes": ["w"]}"#.to_string(), "expected any of x, y, z, rx, ry, rz"),
         (
@@ -183,7 +183,7 @@ fn a_trajectory_file() {
 
 const START: Vector3 = Vector3::new(1.0, -2.0, 0.3);
 
-/// Where a flight that began at [`START`] hovers.
+/// The place of a vehicle that hovers in a flight that began at [`START`].
 fn place() -> Place {
     Place { start_w: START, tool_w: Some((START + Vector3::new(0.12, 0.0, 0.2), Matrix3::identity())) }
 }
@@ -192,7 +192,7 @@ proptest! {
     #[test]
     fn orders_stay_inside_the_geofence(x in -5.0..5.0_f64, y in -5.0..5.0_f64, z in -1.0..5.0_f64) {
         let mut orders = orders();
-        // The tool of the Tilt-Hex stands 0.12 m before and 0.4 m below its robot.
+        // The tool of the Tilt-Hex is 0.12 m in front of its robot's origin and 0.4 m below it.
         let tool = START + Vector3::new(x + 0.12, y, z - 0.4);
         let inside = x.abs().max(y.abs()) <= 2.9 && z <= 2.9;
         let at = format!("[{}, {}, {}]", tool.x, tool.y, tool.z);
@@ -221,6 +221,6 @@ fn a_wrench_that_would_carry_the_tool_out_is_refused() {
         said.contains("set_wrench") && said.contains("after 0.3 m") && said.contains("[supervisor] geofence"),
         "{said}"
     );
-    // On the ground nothing is carried.
+    // On the ground a wrench does not move the vehicle.
     assert_eq!(orders.check_place(&push, &Place { start_w: START, tool_w: None }), Ok(()));
 }

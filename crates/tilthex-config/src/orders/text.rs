@@ -1,4 +1,4 @@
-//! Orders as text.
+//! The text form of orders.
 
 use super::force_axes;
 use serde::Deserialize;
@@ -39,7 +39,8 @@ impl WrenchText {
     }
 }
 
-/// A way-point: where the tool is to be, and how. At most one form of orientation; level without any.
+/// A way-point: a pose of the tool and the wrench that it exerts there. At most one form of orientation may be given;
+/// without any, the tool is level.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -50,7 +51,7 @@ pub(super) struct WaypointText {
     rotation: Option<[[f64; 3]; 3]>,
     /// The rotation as a quaternion, scalar last.
     quaternion_xyzw: Option<[f64; 4]>,
-    /// Degrees: about z, then the new y, then the new x.
+    /// The rotation as angles in degrees: about z, then about the new y, then about the new x.
     yaw_pitch_roll_deg: Option<[f64; 3]>,
     /// N, world.
     #[serde(default)]
@@ -64,10 +65,10 @@ pub(super) struct WaypointText {
     force_axes: Vec<String>,
     /// Row by row; maps coordinates of a surface to world coordinates: then the axes are those of the surface.
     surface: Option<[[f64; 3]; 3]>,
-    /// Shortest time of the way here, s.
+    /// Shortest duration of the motion to this way-point, s.
     #[serde(default)]
     duration: f64,
-    /// Time to stay, s.
+    /// Time for which the tool stays at this way-point, s.
     #[serde(default)]
     hold: f64,
 }
@@ -102,7 +103,7 @@ impl WaypointText {
     }
 }
 
-/// Largest rates on a way; those not named are the configured ones.
+/// Largest rates of a motion. A rate that is not given has its configured limit.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -128,14 +129,14 @@ impl LimitsText {
     }
 }
 
-/// The tool's way.
+/// A route of the tool.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
 pub(super) struct RouteText {
     #[serde(default)]
     limits: LimitsText,
-    /// In this order, beginning at the tool's set-point.
+    /// The way-points in their order. The route begins at the tool's present set-point.
     #[serde(default)]
     waypoint: Vec<WaypointText>,
 }
@@ -147,7 +148,7 @@ impl RouteText {
     }
 }
 
-/// One set-point of a stream; the next must come within 0.2 s.
+/// One set-point of a stream. The next one must arrive within 0.2 s.
 #[derive(Clone, Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
@@ -168,12 +169,12 @@ pub(super) struct FollowText {
     /// rad/s^2, world.
     #[serde(default)]
     pub(super) angular_acceleration: [f64; 3],
-    /// The wrench that the tool shall exert.
+    /// The wrench that the tool must exert.
     #[serde(default)]
     pub(super) wrench: WrenchText,
 }
 
-/// Each needs no more than its name.
+/// A command without arguments.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(deny_unknown_fields)]
