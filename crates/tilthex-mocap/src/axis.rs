@@ -1,24 +1,22 @@
-//! From the axes of a capture system to the world's.
+//! Converts poses from the axes of a capture system to the world's.
 
 use nalgebra::{Quaternion, UnitQuaternion};
 use tilthex_core::types::{Matrix3, Vector3, is_finite3};
 
-/// Which axis of the capture system points up. Its other axes keep their
-/// handedness: a y-up system's (x, y, z) is (x, -z, y) of the world, for the
-/// room and for the axes of the bodies in it.
+/// The axis of the capture system that points up. (x, y, z) of a system in which y points up is (x, -z, y) in the world.
+/// This holds for positions and for the axes of the bodies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum UpAxis {
-    /// y, as Motive streams unless told otherwise.
+    /// y, the default of Motive.
     #[default]
     Y,
-    /// z, as the world of this library.
+    /// z, as in the world of this library.
     Z,
 }
 
 impl UpAxis {
-    /// Position, m, and rotation of a body in the world, from those that the
-    /// capture system gives; `None` unless all numbers are finite and the
-    /// quaternion (x, y, z, w) is within 1 % of unit length.
+    /// Position, m, and rotation of a body in the world, from those of the capture system. `None` if a number is not
+    /// finite, or the length of the quaternion (x, y, z, w) differs from 1 by more than 1 %.
     #[must_use]
     pub fn to_world(self, position: [f64; 3], quaternion_xyzw: [f64; 4]) -> Option<(Vector3, Matrix3)> {
         let ([px, py, pz], [x, y, z, w]) = (position, quaternion_xyzw);

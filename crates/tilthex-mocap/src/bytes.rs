@@ -1,6 +1,6 @@
-//! Cursors over byte slices; whatever does not fit is `None`, or nothing at all.
+//! Cursors over byte slices. A reader returns `None` after the end of the bytes; a writer that has no room writes nothing.
 
-/// Reads from the front.
+/// Reads from the beginning to the end.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Reader<'a>(&'a [u8]);
 
@@ -25,7 +25,7 @@ impl<'a> Reader<'a> {
         Some(*head)
     }
 
-    /// Bytes up to a NUL, which is consumed.
+    /// The bytes before the next NUL. Skips the NUL too.
     pub(super) fn text(&mut self) -> Option<&'a [u8]> {
         let length = self.0.iter().position(|&byte| byte == 0)?;
         let text = self.bytes(length)?;
@@ -61,18 +61,18 @@ impl<'a> Reader<'a> {
         Some(values)
     }
 
-    /// A count that is not negative.
+    /// A count; `None` if it is negative.
     pub(super) fn count(&mut self) -> Option<usize> {
         self.i32()?.try_into().ok()
     }
 
-    /// Skips this many items of a size.
+    /// Skips `count` items of `size` bytes.
     pub(super) fn skip(&mut self, count: usize, size: usize) -> Option<()> {
         self.bytes(count.checked_mul(size)?).map(|_| ())
     }
 }
 
-/// Writes from the front; what does not fit marks the whole as not written.
+/// Writes from the beginning to the end. If anything does not fit, [`Self::finish`] returns 0.
 #[derive(Debug)]
 pub(super) struct Writer<'a> {
     out: &'a mut [u8],
@@ -106,26 +106,26 @@ impl<'a> Writer<'a> {
         values.iter().for_each(|value| self.put(&value.to_le_bytes()));
     }
 
-    /// Text in a field of a size, cut to leave at least one NUL.
+    /// Text in a field of `size` bytes, cut so that at least one NUL follows it.
     pub(super) fn field(&mut self, text: &[u8], size: usize) {
         let shown = text.get(..size.saturating_sub(1)).unwrap_or(text);
         self.put(shown);
         self.zeros(size - shown.len());
     }
 
-    /// Bytes written; past the end of the buffer when it was too short.
+    /// Number of bytes written; larger than the buffer if that was too short.
     pub(super) fn position(&self) -> usize {
         self.length
     }
 
-    /// Overwrites what was put before.
+    /// Overwrites bytes that were written before.
     pub(super) fn patch(&mut self, at: usize, bytes: &[u8]) {
         if let Some(slot) = self.out.get_mut(at..at.saturating_add(bytes.len())) {
             slot.copy_from_slice(bytes);
         }
     }
 
-    /// The length; 0 when the buffer was too short.
+    /// The length, bytes; 0 if the buffer was too short.
     pub(super) fn finish(self) -> usize {
         if self.length <= self.out.len() { self.length } else { 0 }
     }

@@ -1,8 +1,8 @@
-//! Two-way clock synchronisation: the remote clock is asked, and its answer
-//! lies between the question and its arrival.
+//! Two-way clock synchronisation: this side asks for the time of the remote clock. The remote clock was read between the
+//! question and the arrival of the answer.
 
-/// The offset of a remote clock that answers, in constant memory: the best
-/// answer so far, whose uncertainty grows with the drift of the clocks.
+/// The offset of a remote clock that answers questions. It keeps the best answer, whose uncertainty grows with the drift of
+/// the clocks, and needs constant memory.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EchoClock {
     drift: f64,
@@ -12,23 +12,23 @@ pub struct EchoClock {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Answer {
-    /// Ours minus the remote clock, s.
+    /// Our clock minus the remote clock, s.
     offset: f64,
     /// Largest error of the offset, s.
     uncertainty: f64,
-    /// When it came, s on our clock.
+    /// Time at which it arrived, s, our clock.
     at: f64,
 }
 
 impl EchoClock {
-    /// A clock that was not asked yet, with the largest relative drift between the clocks.
+    /// The state before the first answer. `drift` is the largest relative drift between the clocks.
     #[must_use]
     pub fn new(drift: f64) -> Self {
         Self { drift, best: None, resets: 0 }
     }
 
-    /// Takes an answer: `remote` (s, its clock) to a question of `asked`, which came at `answered` (s, ours).
-    /// One that comes before its question or is not finite changes nothing.
+    /// Takes an answer with the remote time `remote` (s, remote clock). The question was sent at `asked`, and the answer
+    /// arrived at `answered` (s, our clock). An answer that is older than its question or not finite is ignored.
     /// Returns whether the remote clock was set to another time since the last answer.
     pub fn step(&mut self, asked: f64, remote: f64, answered: f64) -> bool {
         let answer = Answer {
@@ -53,13 +53,14 @@ impl EchoClock {
         reset
     }
 
-    /// A remote time, s, on our clock, and its largest error, s, at a time (ours); `None` before the first answer.
+    /// Converts a remote time, s, to our clock. Also returns the largest error of the result, s, at the time `now` (our
+    /// clock). `None` before the first answer.
     #[must_use]
     pub fn to_ours(&self, remote: f64, now: f64) -> Option<(f64, f64)> {
         self.best.map(|best| (remote + best.offset, self.aged(&best, now).uncertainty))
     }
 
-    /// How often the remote clock was set to another time.
+    /// Number of times that the remote clock was set to another time.
     #[must_use]
     pub fn resets(&self) -> u32 {
         self.resets

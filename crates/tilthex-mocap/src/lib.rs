@@ -1,5 +1,5 @@
-//! Motion capture on the wire. Both codecs read untrusted bytes: they never
-//! allocate, never panic, and do no more work than the packet is long.
+//! Protocols of motion capture. The codecs read untrusted bytes: they never allocate and never panic, and their work is
+//! limited by the length of the packet.
 
 #![cfg_attr(not(feature = "net"), no_std)]
 #![forbid(unsafe_code)]
@@ -15,17 +15,17 @@ pub mod vrpn;
 
 pub use axis::UpAxis;
 
-/// How poses are read.
+/// Settings of a client.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ClientParams {
-    /// The axis that points up in what the capture system sends.
+    /// The axis that points up in the capture system.
     pub up_axis: UpAxis,
-    /// Age of a pose when it leaves the system, s, where the system does not
-    /// tell: VRPN, and NatNet cameras without exposure times.
+    /// Age of a pose when it leaves the capture system, s, if the system does not send it: VRPN, and NatNet cameras
+    /// without exposure times.
     pub latency: f64,
 }
 
-/// Bytes that are not what the protocol says.
+/// Bytes that do not follow the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Malformed(
     /// The part that does not fit.

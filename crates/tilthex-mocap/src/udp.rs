@@ -1,19 +1,19 @@
-//! A pose in a UDP packet: the way in for whatever speaks neither NatNet nor VRPN.
+//! Poses in UDP packets, for a source that speaks neither NatNet nor VRPN.
 //!
-//! 80 bytes, little-endian, and behind them the body's name in UTF-8 (1 to 64 bytes):
+//! A packet has 80 bytes, little-endian, followed by the body's name in UTF-8 (1 to 64 bytes):
 //!
 //! | offset | type | |
 //! |---|---|---|
 //! | 0 | 8 bytes | `tilthex1` |
-//! | 8 | u32 | number of the packet, one more each time |
-//! | 12 | u32 | bit 0: the body is seen |
-//! | 16 | f64 | when the pose was taken, s, on any clock that does not jump |
-//! | 24 | 3 x f64 | position, m; any where the body is not seen |
-//! | 48 | 4 x f64 | orientation, unit quaternion (within 1 %), scalar last; any where the body is not seen |
+//! | 8 | u32 | number of the packet, which grows by one |
+//! | 12 | u32 | bit 0 is set if the body is tracked |
+//! | 16 | f64 | time at which the pose was taken, s, on any clock that does not jump |
+//! | 24 | 3 x f64 | position, m; any value if the body is not tracked |
+//! | 48 | 4 x f64 | orientation, unit quaternion (within 1 %), scalar last; any value if the body is not tracked |
 
 use crate::{Malformed, bytes::Reader};
 
-/// Where packets are expected unless an address names another port.
+/// The port on which packets are received if the address names none.
 pub const PORT: u16 = 7411;
 /// Longest packet, bytes.
 pub const MAX_LENGTH: usize = HEAD + MAX_NAME;
@@ -25,15 +25,15 @@ const SEEN: u32 = 1;
 /// One pose of one body.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PosePacket<'a> {
-    /// One more each time; wraps.
+    /// Grows by one with each packet; wraps around.
     pub number: u32,
-    /// Whether the body is seen.
+    /// Whether the body is tracked.
     pub tracking_valid: bool,
-    /// When the pose was taken, s, sender's clock.
+    /// Time at which the pose was taken, s, on the sender's clock.
     pub time: f64,
-    /// m.
+    /// Position, m.
     pub position: [f64; 3],
-    /// Scalar last.
+    /// Orientation, scalar last.
     pub quaternion_xyzw: [f64; 4],
     /// The body's name, UTF-8.
     pub body: &'a [u8],
@@ -43,7 +43,7 @@ impl<'a> PosePacket<'a> {
     /// Reads a packet.
     ///
     /// # Errors
-    /// Which part is not as described above.
+    /// The part that does not have the form above.
     pub fn parse(packet: &'a [u8]) -> Result<Self, Malformed> {
         let mut reader = Reader::new(packet);
         if reader.array() != Some(MAGIC) {
@@ -57,7 +57,7 @@ impl<'a> PosePacket<'a> {
         }
         let [time, x, y, z, qx, qy, qz, qw] = numbers;
         let seen = flags & SEEN != 0;
-        // What is not seen has no pose, and its numbers say nothing.
+        // A body that is not tracked has no pose; its numbers have no meaning.
         if !time.is_finite() || (seen && numbers.iter().any(|number| !number.is_finite())) {
             return Err(Malformed("time or pose (a number that is not finite)"));
         }
@@ -75,7 +75,7 @@ impl<'a> PosePacket<'a> {
         })
     }
 
-    /// Writes the packet; its length. A longer name than 64 bytes is cut.
+    /// Writes the packet and returns its length, bytes. A name longer than 64 bytes is cut.
     pub fn encode(&self, packet: &mut [u8; MAX_LENGTH]) -> usize {
         let [x, y, z] = self.position;
         let [qx, qy, qz, qw] = self.quaternion_xyzw;

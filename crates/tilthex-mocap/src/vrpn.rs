@@ -1,7 +1,6 @@
-//! VRPN trackers, as Vicon Tracker, Qualisys, NOKOV and Motive serve them
-//! over TCP, both sides. Both begin with a cookie; then come messages: a header of 24 bytes,
-//! big-endian, and a payload padded to 8 bytes. Ids of senders and types are
-//! the server's, announced by name.
+//! VRPN trackers over TCP, client and server. Vicon Tracker, Qualisys, NOKOV and Motive are such servers. Both sides first
+//! send a cookie, then messages. A message is a header of 24 bytes, big-endian, and a payload padded to a multiple of 8
+//! bytes. The server chooses the ids of senders and types, and announces the name of each id.
 
 use super::{
     Malformed,
@@ -10,13 +9,13 @@ use super::{
 
 /// The port of a VRPN server.
 pub const PORT: u16 = 3883;
-/// What either side sends first.
+/// The bytes that both sides send first.
 pub const COOKIE: [u8; 24] = *b"vrpn: ver. 07.38  0\0\0\0\0\0";
 /// The type of a tracker's pose.
 pub const POSE_TYPE: &[u8] = b"vrpn_Tracker Pos_Quat";
-/// Longest message that is read, bytes; longer ones are skipped.
+/// Longest message that is read, bytes. Longer messages are skipped.
 pub const MAX_MESSAGE: usize = 512;
-/// A message that says it is longer than this is none.
+/// Largest plausible length of a message, bytes. If a message announces more, the stream is not VRPN.
 const MAX_LENGTH: usize = 1 << 20;
 
 const HEADER: usize = 24;
@@ -26,7 +25,7 @@ const TYPE_DESCRIPTION: i32 = -2;
 /// Checks the other side's cookie.
 ///
 /// # Errors
-/// When it is no cookie, or of another major version than 7.
+/// If it is not a cookie, or its major version is not 7.
 pub fn check_cookie(cookie: &[u8; COOKIE.len()]) -> Result<(), Malformed> {
     // "vrpn: ver. 07": the minor version may differ.
     let significant = COOKIE.iter().zip(cookie).take(13).all(|(ours, theirs)| ours == theirs);
@@ -36,13 +35,13 @@ pub fn check_cookie(cookie: &[u8; COOKIE.len()]) -> Result<(), Malformed> {
 /// A message.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Message<'a> {
-    /// Its time on the sender's clock: s, us.
+    /// Its time on the sender's clock: seconds, and microseconds to be added.
     pub time: (u32, u32),
     /// Id of its sender.
     pub sender: i32,
-    /// Id of its type; those below 0 are the system's.
+    /// Id of its type. Ids below 0 belong to the protocol itself.
     pub kind: i32,
-    /// What it carries, without padding.
+    /// Its content, without padding.
     pub payload: &'a [u8],
 }
 
@@ -57,7 +56,7 @@ pub struct TrackerPose {
     pub quaternion_xyzw: [f64; 4],
 }
 
-/// The name of an id.
+/// Announces the name of an id.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Description<'a> {
     /// Of a sender, such as a tracker.
@@ -89,7 +88,7 @@ impl<'a> Message<'a> {
     /// The payload as a tracker's pose.
     ///
     /// # Errors
-    /// When its length is not that of a pose.
+    /// If its length is not that of a pose.
     pub fn pose(&self) -> Result<TrackerPose, Malformed> {
         let mut reader = Reader::new(self.payload);
         let mut read = || {
@@ -111,12 +110,12 @@ const fn padded(length: usize) -> usize {
     length.next_multiple_of(8)
 }
 
-/// Finds messages in a stream of bytes behind the cookie, one byte at a time.
+/// Finds the messages in a stream of bytes, one byte at a time. The stream begins after the cookie.
 #[derive(Clone, Debug)]
 pub struct Decoder {
     buffer: [u8; MAX_MESSAGE],
     filled: usize,
-    /// Bytes of this message still to come, once its length is known.
+    /// Number of bytes of this message that are still missing; `None` until its length is known.
     missing: Option<usize>,
     skipped: u32,
 }
@@ -128,10 +127,10 @@ impl Default for Decoder {
 }
 
 impl Decoder {
-    /// Takes the next byte; the message that it completes, if it does.
+    /// Takes the next byte, and returns the message if the byte completes one.
     ///
     /// # Errors
-    /// When a length makes no sense: the stream is lost, or never was VRPN.
+    /// If a message has an impossible length: the start of messages is lost, or the stream is not VRPN.
     pub fn push(&mut self, byte: u8) -> Result<Option<Message<'_>>, Malformed> {
         if let Some(slot) = self.buffer.get_mut(self.filled) {
             *slot = byte;
@@ -163,7 +162,7 @@ impl Decoder {
         Ok(self.message())
     }
 
-    /// Messages that were longer than [`MAX_MESSAGE`].
+    /// Number of messages that were longer than [`MAX_MESSAGE`].
     #[must_use]
     pub fn skipped(&self) -> u32 {
         self.skipped
@@ -187,7 +186,7 @@ impl Decoder {
 }
 
 /// Writes a message with a sequence number, padded.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_message(out: &mut [u8], message: &Message<'_>, sequence: u32) -> usize {
     let mut writer = Writer::new(out);
@@ -206,8 +205,8 @@ pub fn write_message(out: &mut [u8], message: &Message<'_>, sequence: u32) -> us
     writer.finish()
 }
 
-/// Writes the name of an id, with at most 99 bytes of it.
-/// Returns the message's length, bytes; 0 when it does not fit.
+/// Writes a message that announces the name of an id. The name is cut to 99 bytes.
+/// Returns the message's length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_description(out: &mut [u8], description: &Description<'_>, sequence: u32) -> usize {
     let (kind, id, name) = match *description {
@@ -225,8 +224,8 @@ pub fn write_description(out: &mut [u8], description: &Description<'_>, sequence
     write_message(out, &Message { time: (0, 0), sender: id, kind, payload }, sequence)
 }
 
-/// Writes a tracker's pose, made at a time (s, us), from a sender, as a message of a type.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Writes a tracker's pose as a message, with its time (s, us) and the ids of its sender and its type.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_pose(
     out: &mut [u8],

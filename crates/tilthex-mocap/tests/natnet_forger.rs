@@ -134,7 +134,7 @@ fn a_server_that_answers_from_another_port_is_told_apart() {
         ended.store(true, Ordering::Relaxed);
         let from = other.local_addr().unwrap().port();
         assert!(
-            said.contains(&format!("sends from port {from}, not from the port that was asked")),
+            said.contains(&format!("comes from port {from}; expected it from the port that was asked")),
             "{said}"
         );
     });

@@ -166,13 +166,13 @@ fn each_reason_has_its_own_sentence() {
     // An added section of one number, before the suffix of 50 bytes.
     let added = longer(frame(&[7], v), 50, &[1, 0, 0, 0, 4, 0, 0, 0, 9, 9, 9, 9]);
     let cases = [
-        (script(None, None), "does not answer what it captures"),
-        (script(Some(empty), None), "captures nothing, no rigid body"),
-        (script(Some(unreadable), None), "in a layout that is none of NatNet 3.0 to 4.2"),
+        (script(None, None), "does not send its list of models"),
+        (script(Some(empty), None), "captures no rigid body at all"),
+        (script(Some(unreadable), None), "lists its models in an unknown layout"),
         (script(Some(models(v)), None), "sends no frames: start the capture's stream"),
         (script(Some(models(v)), Some(frame(&[], v))), "hold no rigid body at all: switch rigid bodies on"),
         (script(Some(models(v)), Some(frame(&[1, 2], v))), "hold 2 rigid bodies but not `hex`"),
-        (script(Some(models(v)), Some(added)), "are laid out otherwise than those of NatNet 3.0 to 4.2"),
+        (script(Some(models(v)), Some(added)), "have an unknown layout"),
     ];
     let mut sentences = Vec::new();
     for (script, expected) in cases {

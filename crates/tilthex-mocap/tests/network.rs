@@ -223,7 +223,7 @@ fn a_server_without_frames_is_told_apart() {
     assert!(refusal(&server.uri("natnet", "hex")).ends_with("sends no frames: start the capture's stream"));
     assert!(refusal(&server.uri("natnet+multicast", "hex")).contains("sends unicast frames: use natnet://"));
     let server = Server::vrpn(VrpnServerParams::new("hex"));
-    assert!(refusal(&server.uri("vrpn", "hex")).ends_with("sends no poses: is its body seen?"));
+    assert!(refusal(&server.uri("vrpn", "hex")).ends_with("sends no poses: check that its body is tracked"));
 }
 
 #[test]
@@ -262,7 +262,7 @@ fn nobody_and_somebody_else() {
     assert!(refusal(&uri("vrpn", port)).contains("sends no VRPN greeting"));
 
     let closed = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap().port();
-    assert!(refusal(&uri("vrpn", closed)).contains("nothing listens there"));
+    assert!(refusal(&uri("vrpn", closed)).contains("no program listens there"));
     assert!(
         refusal(&"vrpn://nowhere.invalid/hex".parse().unwrap()).contains("`nowhere.invalid` has no address")
     );

@@ -1,4 +1,4 @@
-//! Frames of data.
+//! NatNet frames: the data of one moment.
 
 use super::{
     super::{
@@ -14,12 +14,12 @@ const BODY: usize = 38;
 const LABELLED_MARKER: usize = 26;
 /// Bytes of a marker's position.
 const POSITION: usize = 12;
-/// Set where the rigid body was tracked in this frame.
+/// Bit that is set if the rigid body was tracked in this frame.
 const TRACKING_VALID: u16 = 1;
-/// Set where the list of what is captured changed.
+/// Bit that is set if the list of captured models has changed.
 const MODELS_CHANGED: u16 = 2;
 
-/// A rigid body in a frame, as the capture system gives it.
+/// A rigid body in a frame, in the capture system's axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RigidBody {
     /// Its id, see [`super::BodyName`].
@@ -30,20 +30,20 @@ pub struct RigidBody {
     pub quaternion_xyzw: [f32; 4],
     /// Mean error of its markers, m.
     pub mean_error: f32,
-    /// Whether it was seen in this frame.
+    /// Whether it was tracked in this frame.
     pub tracking_valid: bool,
 }
 
-/// When a frame was taken, received and sent.
+/// The times at which a frame was taken, received and sent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct FrameTimes {
-    /// Since the capture began, s.
+    /// Time since the capture began, s.
     pub timestamp: f64,
-    /// The middle of the exposure, ticks of the server; 0 when the cameras do not tell.
+    /// The middle of the exposure, ticks of the server's clock; 0 if the cameras do not send it.
     pub mid_exposure: u64,
-    /// When the server had the cameras' data, its ticks.
+    /// Time at which the server had received the cameras' data, ticks of its clock.
     pub received: u64,
-    /// When it sent the frame, its ticks.
+    /// Time at which it sent the frame, ticks of its clock.
     pub transmitted: u64,
 }
 
@@ -54,17 +54,16 @@ pub struct Frame<'a> {
     pub number: i32,
     /// Its times.
     pub times: FrameTimes,
-    /// Whether the list of what is captured changed.
+    /// Whether the list of captured models has changed.
     pub models_changed: bool,
     bodies: &'a [[u8; BODY]],
 }
 
 impl<'a> Frame<'a> {
-    /// Reads the payload of a server of a version, whole: a section that does
-    /// not end where it should, or bytes left over, refuse the frame.
+    /// Reads the complete payload, in the layout of a version.
     ///
     /// # Errors
-    /// The section that does not fit.
+    /// The section that does not have this layout: it ends at a wrong place, or bytes remain after the last one.
     pub fn parse(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
         let mut reader = Reader::new(payload);
         let number = reader.i32().ok_or(Malformed("frame number"))?;
@@ -74,11 +73,11 @@ impl<'a> Frame<'a> {
         Ok(Self { number, times, models_changed: parameters & MODELS_CHANGED != 0, bodies })
     }
 
-    /// Reads the payload in the layout of a version or, where that does not fit, in the other one: a
-    /// server may be told to send another version than its own. Returns the version that fits.
+    /// Reads the payload in the layout of a version or, if that does not fit, in the other layout: a server can be set to
+    /// send an older version. Returns the version that fits.
     ///
     /// # Errors
-    /// The section that does not fit the version given.
+    /// The section that does not have the layout of `version`.
     pub fn parse_either(payload: &'a [u8], version: Version) -> Result<(Self, Version), Malformed> {
         let other = if version.has_sizes() { Version::V3_0 } else { Version::V4_1 };
         Self::parse(payload, version)
@@ -108,7 +107,7 @@ fn rigid_body(reader: &mut Reader<'_>) -> Option<RigidBody> {
     })
 }
 
-/// Before 4.1: every section must be walked.
+/// The rigid bodies of versions before 4.1: every section must be read to find its end.
 fn plain_sections<'a>(reader: &mut Reader<'a>) -> Option<&'a [[u8; BODY]]> {
     for _ in 0..reader.count()? {
         reader.text()?;
@@ -122,7 +121,7 @@ fn plain_sections<'a>(reader: &mut Reader<'a>) -> Option<&'a [[u8; BODY]]> {
         skip_array(reader, BODY)?;
     }
     skip_array(reader, LABELLED_MARKER)?;
-    // Force plates, then devices: each an id and channels of samples.
+    // Force plates, then devices. Each of them has an id and channels with samples.
     for _ in 0..2 {
         for _ in 0..reader.count()? {
             reader.i32()?;
@@ -134,7 +133,7 @@ fn plain_sections<'a>(reader: &mut Reader<'a>) -> Option<&'a [[u8; BODY]]> {
     Some(bodies)
 }
 
-/// From 4.1 on: sections are skipped by their size.
+/// The rigid bodies of version 4.1 and later: sections announce their sizes and are skipped.
 fn sized_sections<'a>(reader: &mut Reader<'a>) -> Option<&'a [[u8; BODY]]> {
     // Marker sets and legacy markers.
     sized_section(reader)?;
@@ -159,7 +158,7 @@ fn skip_array(reader: &mut Reader<'_>, size: usize) -> Option<()> {
     reader.skip(count, size)
 }
 
-/// The times and parameters, which must be all that is left.
+/// The times and parameters. No bytes may remain after them.
 fn suffix(mut reader: Reader<'_>, version: Version) -> Option<(FrameTimes, u16)> {
     // Time code and sub-frame.
     reader.skip(2, 4)?;
@@ -179,7 +178,7 @@ fn suffix(mut reader: Reader<'_>, version: Version) -> Option<(FrameTimes, u16)>
 }
 
 /// Writes a frame of rigid bodies in the layout of a version.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_frame(
     out: &mut [u8],
@@ -191,7 +190,7 @@ pub fn write_frame(
     let sized = version.has_sizes();
     let mut writer = start_packet(out, MessageId::Frame);
     let empty_sections = |writer: &mut Writer<'_>, count: usize| {
-        // A count of 0 and, from 4.1 on, a size of 0.
+        // A count of 0 and, in version 4.1 and later, a size of 0.
         writer.zeros(count * if sized { 8 } else { 4 });
     };
     writer.i32(number);

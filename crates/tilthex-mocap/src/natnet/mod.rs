@@ -1,6 +1,5 @@
-//! NatNet 3.0 to 4.2, the protocol of OptiTrack Motive, both sides: a client
-//! asks and reads, a server (or a simulator) reads and answers. One datagram
-//! is one packet: message id, payload length, payload; little-endian.
+//! NatNet 3.0 to 4.2, the protocol of OptiTrack Motive, client and server. A datagram holds one packet: message id, payload
+//! length, payload; little-endian.
 
 mod frame;
 mod model;
@@ -15,13 +14,13 @@ use super::{
     bytes::{Reader, Writer},
 };
 
-/// The port that commands go to.
+/// The server's port for commands.
 pub const COMMAND_PORT: u16 = 1510;
-/// The port that multicast frames come on.
+/// The port for multicast frames.
 pub const DATA_PORT: u16 = 1511;
-/// The group that frames are multicast to unless the server says otherwise.
+/// The default multicast group for frames.
 pub const MULTICAST_GROUP: [u8; 4] = [239, 255, 42, 99];
-/// Longest datagram of either side that this library sends; larger ones are read all the same.
+/// Longest datagram that this library sends, bytes. It also reads longer ones.
 pub const MAX_PACKET: usize = 1400;
 
 /// A version of the bit stream.
@@ -34,16 +33,16 @@ pub struct Version {
 }
 
 impl Version {
-    /// Sections carry no sizes.
+    /// Sections do not announce their sizes.
     pub const V3_0: Self = Self { major: 3, minor: 0 };
-    /// Descriptions of rigid bodies carry their markers' names from here on.
+    /// From this version on, descriptions of rigid bodies hold the names of markers.
     pub const V4_0: Self = Self { major: 4, minor: 0 };
-    /// Sections and descriptions carry their sizes from here on.
+    /// From this version on, sections and descriptions announce their sizes.
     pub const V4_1: Self = Self { major: 4, minor: 1 };
-    /// Descriptions of rigid bodies carry a rotation from here on.
+    /// From this version on, descriptions of rigid bodies hold a rotation.
     pub const V4_2: Self = Self { major: 4, minor: 2 };
 
-    /// Whether this module knows its layouts, or a layout that a later minor version may have kept.
+    /// Whether this module can try to read it: it knows the layouts of this version, or of an earlier minor version.
     #[must_use]
     pub fn is_known(self) -> bool {
         self >= Self::V3_0 && self.major <= 4
@@ -54,36 +53,36 @@ impl Version {
     }
 }
 
-/// What a packet is.
+/// The kind of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MessageId {
-    /// Client: who is there?
+    /// Client: asks for the server's introduction.
     Connect,
-    /// Server: I am.
+    /// Server: its introduction.
     ServerInfo,
     /// Client: a command in text.
     Request,
-    /// Server: its answer.
+    /// Server: the answer to a command.
     Response,
-    /// Client: what do you capture?
+    /// Client: asks for the captured models.
     RequestModelDef,
-    /// Server: these.
+    /// Server: the captured models.
     ModelDef,
     /// Server: one frame of data.
     Frame,
     /// Server: a text.
     Text,
-    /// Client: goodbye.
+    /// Client: leaves.
     Disconnect,
-    /// Client: I still listen.
+    /// Client: still listens.
     KeepAlive,
-    /// Client: its time.
+    /// Client: asks for the server's time; holds its own.
     EchoRequest,
-    /// Server: that time and its own.
+    /// Server: the client's time and its own.
     EchoResponse,
-    /// Client: as `Connect`, to all.
+    /// Client: like `Connect`, sent to all servers.
     Discovery,
-    /// Server: I do not know this request.
+    /// Server: it does not know the request.
     Unrecognized,
 }
 
@@ -117,7 +116,7 @@ impl MessageId {
 /// Splits a datagram into its message id and its payload.
 ///
 /// # Errors
-/// When it is shorter than it says, or of no known kind.
+/// If it is shorter than it announces, or its kind is not known.
 pub fn parse_packet(datagram: &[u8]) -> Result<(MessageId, &[u8]), Malformed> {
     let mut reader = Reader::new(datagram);
     let id = reader.u16().and_then(MessageId::from_wire).ok_or(Malformed("message id"))?;
@@ -126,7 +125,7 @@ pub fn parse_packet(datagram: &[u8]) -> Result<(MessageId, &[u8]), Malformed> {
     Ok((id, payload))
 }
 
-/// Starts a packet whose length [`end_packet`] fills in.
+/// Starts a packet. [`end_packet`] writes its length.
 fn start_packet(out: &mut [u8], id: MessageId) -> Writer<'_> {
     let mut writer = Writer::new(out);
     writer.put(&id.to_wire().to_le_bytes());
@@ -134,23 +133,22 @@ fn start_packet(out: &mut [u8], id: MessageId) -> Writer<'_> {
     writer
 }
 
-/// The packet's length, bytes; 0 when it does not fit its buffer, or a packet.
+/// Ends a packet and returns its length, bytes; 0 if it does not fit into its buffer, or is too long for a packet.
 fn end_packet(mut writer: Writer<'_>) -> usize {
     let payload = u16::try_from(writer.position().saturating_sub(4));
     writer.patch(2, &payload.unwrap_or_default().to_le_bytes());
     if payload.is_ok() { writer.finish() } else { 0 }
 }
 
-/// Writes a packet without payload: a keep-alive, a model request, a goodbye.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Writes a packet without payload, such as [`MessageId::KeepAlive`], [`MessageId::RequestModelDef`] and
+/// [`MessageId::Disconnect`]. Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_bare(out: &mut [u8], id: MessageId) -> usize {
     end_packet(start_packet(out, id))
 }
 
-/// Writes the client's introduction, in its full form of 268 bytes; `id` is
-/// [`MessageId::Connect`] or [`MessageId::Discovery`].
-/// Returns its length, bytes; 0 when it does not fit.
+/// Writes the client's introduction in its full form of 268 bytes. `id` is [`MessageId::Connect`] or
+/// [`MessageId::Discovery`]. Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_connect(out: &mut [u8], id: MessageId, name: &str, version: Version) -> usize {
     let mut writer = start_packet(out, id);
@@ -161,8 +159,7 @@ pub fn write_connect(out: &mut [u8], id: MessageId, name: &str, version: Version
     end_packet(writer)
 }
 
-/// The version that a client's introduction asks for; `None` for the short
-/// forms that leave it to the server.
+/// The version that a client's introduction asks for; `None` for the short forms, which do not ask for a version.
 #[must_use]
 pub fn parse_connect(payload: &[u8]) -> Option<Version> {
     let mut reader = Reader::new(payload);
@@ -171,8 +168,8 @@ pub fn parse_connect(payload: &[u8]) -> Option<Version> {
     (major > 0).then_some(Version { major, minor })
 }
 
-/// Writes the client's time, in ticks of its own.
-/// Returns the packet's length, bytes; 0 when it does not fit.
+/// Writes an echo request with the client's time, in ticks of the client's clock.
+/// Returns the packet's length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_echo_request(out: &mut [u8], client: u64) -> usize {
     let mut writer = start_packet(out, MessageId::EchoRequest);
@@ -183,13 +180,13 @@ pub fn write_echo_request(out: &mut [u8], client: u64) -> usize {
 /// The client's time in an echo request.
 ///
 /// # Errors
-/// When the length is wrong.
+/// If the length is wrong.
 pub fn parse_echo_request(payload: &[u8]) -> Result<u64, Malformed> {
     payload.try_into().map(u64::from_le_bytes).map_err(|_| Malformed("echo request"))
 }
 
-/// Writes the answer to an echo request: the client's time and the server's ticks.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Writes the answer to an echo request: the client's time, and the server's time in ticks of its clock.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_echo_response(out: &mut [u8], client: u64, server: u64) -> usize {
     let mut writer = start_packet(out, MessageId::EchoResponse);
@@ -198,10 +195,10 @@ pub fn write_echo_response(out: &mut [u8], client: u64, server: u64) -> usize {
     end_packet(writer)
 }
 
-/// The client's time and the server's ticks in the answer to an echo request.
+/// The client's time and the server's time in the answer to an echo request.
 ///
 /// # Errors
-/// When the length is wrong.
+/// If the length is wrong.
 pub fn parse_echo_response(payload: &[u8]) -> Result<(u64, u64), Malformed> {
     let malformed = Malformed("echo response");
     let (client, server) = payload.split_first_chunk::<8>().ok_or(malformed)?;

@@ -1,4 +1,4 @@
-//! The names of what is captured.
+//! Model definitions: names and ids of the captured rigid bodies.
 
 use super::{
     super::{Malformed, bytes::Reader},
@@ -14,9 +14,8 @@ pub struct BodyName<'a> {
     pub id: i32,
 }
 
-/// The descriptions in a model definition, of which the rigid bodies are given
-/// one by one: an iterator that ends at the first description it cannot read,
-/// with an error.
+/// A model definition, as an iterator over its rigid bodies. At the first description that it cannot read, it returns an
+/// error and ends.
 #[derive(Clone, Copy, Debug)]
 pub struct ModelDef<'a> {
     reader: Reader<'a>,
@@ -25,21 +24,21 @@ pub struct ModelDef<'a> {
 }
 
 impl<'a> ModelDef<'a> {
-    /// Reads the payload of a server of a version.
+    /// Begins to read a payload in the layout of a version.
     ///
     /// # Errors
-    /// When it has no count of descriptions.
+    /// If it has no number of descriptions.
     pub fn new(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
         let mut reader = Reader::new(payload);
         let remaining = reader.count().ok_or(Malformed("number of descriptions"))?;
         Ok(Self { reader, remaining, version })
     }
 
-    /// Reads the payload in the layout of a version or, where that does not fit to the last byte, in the first other
-    /// one that does: a server may be told to send another version than its own.
+    /// Begins to read a payload in the layout of a version or, if that does not fit to the last byte, in the first other
+    /// layout that fits: a server can be set to send an older version.
     ///
     /// # Errors
-    /// What does not fit the version given, where none fits.
+    /// If no layout fits: the part that does not have the layout of `version`.
     pub fn new_either(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
         let others = [Version::V4_1, Version::V4_0, Version::V3_0];
         let fitting = |version: Version| Self::new(payload, version).ok().filter(|models| models.fits());
@@ -49,20 +48,20 @@ impl<'a> ModelDef<'a> {
             .map_or_else(|| Self::whole(payload, version), Ok)
     }
 
-    /// In the layout of a version, whatever follows its last description.
+    /// Begins to read a payload in the layout of a version, with or without bytes after its last description.
     fn whole(payload: &'a [u8], version: Version) -> Result<Self, Malformed> {
         let models = Self::new(payload, version)?;
         let mut read = models;
         read.find_map(Result::err).map_or(Ok(models), Err)
     }
 
-    /// Whether every description can be read and nothing follows the last.
+    /// Whether every description can be read and no bytes follow the last one.
     fn fits(&self) -> bool {
         let mut models = *self;
         models.by_ref().all(|body| body.is_ok()) && models.reader.rest().is_empty()
     }
 
-    /// Reads one description; the inner `None` is one that is no rigid body.
+    /// Reads one description. The inner option is `None` if it does not describe a rigid body.
     fn description(&mut self) -> Option<Option<BodyName<'a>>> {
         let kind = self.reader.i32()?;
         if self.version.has_sizes() {
@@ -87,7 +86,7 @@ impl<'a> ModelDef<'a> {
             3 => {
                 reader.i32()?;
                 reader.text()?;
-                // Width, length, origin, 12x12 calibration, four corners, two types.
+                // Width, length, origin, calibration (12x12), four corners, two types.
                 reader.skip(2 + 3 + 144 + 12 + 2, 4)?;
                 skip_texts(reader)?;
             }
@@ -107,11 +106,11 @@ impl<'a> ModelDef<'a> {
         Some(None)
     }
 
-    /// A whole rigid body where descriptions carry no sizes.
+    /// Reads a complete rigid body of a version in which descriptions do not announce their sizes.
     fn rigid_body(&mut self) -> Option<BodyName<'a>> {
         let reader = &mut self.reader;
         let body = body_name(reader)?;
-        // Parent and offset, then each marker's position and label.
+        // The parent and the offset from it, then the position and label of each marker.
         reader.skip(1 + 3, 4)?;
         let markers = reader.count()?;
         reader.skip(markers, 12 + 4)?;
@@ -155,7 +154,7 @@ impl<'a> Iterator for ModelDef<'a> {
 }
 
 /// Writes a model definition of rigid bodies without markers or parents.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_model_def(out: &mut [u8], bodies: &[BodyName<'_>], version: Version) -> usize {
     let mut writer = start_packet(out, MessageId::ModelDef);

@@ -1,4 +1,4 @@
-//! What a server says of itself.
+//! The server's introduction.
 
 use super::{
     super::{Malformed, bytes::Reader},
@@ -8,21 +8,22 @@ use super::{
 /// A server's introduction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ServerInfo<'a> {
-    /// Its name, such as `Motive`; ends before the first NUL.
+    /// The name of the application, such as `Motive`, without NUL.
     pub application: &'a [u8],
     /// The version of the application.
     pub application_version: [u8; 4],
-    /// The version of its bit stream.
+    /// The version of its NatNet stream.
     pub version: Version,
-    /// Ticks a second of its clock.
+    /// Ticks of its clock per second.
     pub clock_frequency: u64,
-    /// The port that frames are sent to.
+    /// The port to which it sends frames.
     pub data_port: u16,
-    /// The group that frames are multicast to; `None` for unicast.
+    /// The multicast group to which it sends frames; `None` for unicast.
     pub multicast: Option<[u8; 4]>,
 }
 
-/// The version of the bit stream that an introduction names, also one of NatNet 2, which ends behind it.
+/// The version of the NatNet stream that an introduction names. Also reads the introduction of NatNet 2, in which no field
+/// follows the version.
 #[must_use]
 pub fn announced_version(payload: &[u8]) -> Option<Version> {
     let mut reader = Reader::new(payload);
@@ -35,7 +36,7 @@ impl<'a> ServerInfo<'a> {
     /// Reads the payload.
     ///
     /// # Errors
-    /// When it is shorter than 279 bytes, or the clock stands still.
+    /// If it is shorter than 279 bytes, or the frequency of the clock is 0.
     pub fn parse(payload: &'a [u8]) -> Result<Self, Malformed> {
         let malformed = Malformed("server information");
         let mut reader = Reader::new(payload);
@@ -62,7 +63,7 @@ impl<'a> ServerInfo<'a> {
 }
 
 /// Writes a server's introduction.
-/// Returns its length, bytes; 0 when it does not fit.
+/// Returns its length, bytes; 0 if it does not fit.
 #[must_use = "the length says what to send"]
 pub fn write_server_info(out: &mut [u8], info: &ServerInfo<'_>) -> usize {
     let mut writer = start_packet(out, MessageId::ServerInfo);

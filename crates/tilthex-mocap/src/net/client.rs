@@ -1,4 +1,4 @@
-//! The client's thread, and its end of the ring.
+//! The client's thread, and its end of the ring that passes poses to the loop.
 
 use std::{
     net::{SocketAddr, ToSocketAddrs},
@@ -18,7 +18,7 @@ use super::{
     uri::MocapUri,
 };
 
-/// Poses that may wait for the loop.
+/// Number of poses that can wait for the loop.
 const CAPACITY: usize = 256;
 
 /// A running client of a capture system. It ends when it is dropped.
@@ -30,12 +30,12 @@ pub struct Client {
 }
 
 impl Client {
-    /// Connects, finds the body, waits for its first frame, and from then on hands
-    /// poses to the ring in a thread of its own. Takes no longer than about 4 s.
+    /// Connects, finds the body and waits for its first frame, for about 4 s at most. After that, a thread of the client
+    /// puts the poses into the ring.
     ///
     /// # Errors
-    /// One sentence: no such host, nobody there, somebody else there, no such body (with those
-    /// that are there), no frames.
+    /// One sentence: the host is unknown, no server or another server answers, the body is unknown (with the names of the
+    /// bodies that the server has), or no frames arrive.
     pub fn start(
         uri: &MocapUri,
         params: ClientParams,
@@ -55,7 +55,7 @@ impl Client {
         Ok((Self { counters, stop, thread: Some(thread) }, consumer))
     }
 
-    /// What it saw so far.
+    /// What it has received since the start.
     #[must_use]
     pub fn status(&self) -> Status {
         self.counters.status()
@@ -82,12 +82,12 @@ fn resolve(uri: &MocapUri) -> Result<SocketAddr, SourceError> {
         .to_socket_addrs()
         .map_err(|error| unknown(error.to_string()))?
         .collect();
-    // Capture systems speak IPv4.
+    // Capture systems use IPv4.
     let ipv4 = addresses.iter().find(|address| address.is_ipv4());
     ipv4.or(addresses.first()).copied().ok_or_else(|| unknown("the list is empty".into()))
 }
 
-/// Names from the network in a sentence.
+/// Writes names that came from the network as a part of a sentence.
 pub(super) fn list(names: &[Vec<u8>]) -> String {
     if names.is_empty() {
         return "nothing".into();
@@ -106,9 +106,8 @@ pub(super) struct Sink {
 }
 
 impl Sink {
-    /// Hands a pose on, taken at a time (s) and in the axes of the capture
-    /// system; one that is none is counted and dropped. False only for one
-    /// that claims to be valid and is none.
+    /// Puts a pose into the ring. It was taken at a time (s) and has the axes of the capture system. A pose that is not
+    /// valid is counted and dropped. Returns false only for a pose that is marked as tracked and is not valid.
     pub(super) fn pose(
         &mut self,
         (time, arrival): (f64, f64),
@@ -120,7 +119,7 @@ impl Sink {
             add(&self.counters.untracked, 1);
         }
         let Some((position_w, rotation_wr)) = self.params.up_axis.to_world(position, quaternion_xyzw) else {
-            // Systems send zeros, or worse, for what they do not see.
+            // For a body that they do not track, systems send zeros or numbers that are not finite.
             add(&self.counters.refused, tracking_valid.into());
             return !tracking_valid;
         };

@@ -1,4 +1,4 @@
-//! The monotonic clock, by which poses are stamped.
+//! The monotonic clock, which gives the times of poses.
 
 use rustix::{
     io::Errno,
@@ -7,11 +7,11 @@ use rustix::{
 };
 use tilthex_core::types::Nanos;
 
-/// A clock that can be waited on.
+/// A clock on which a thread can wait.
 pub trait Clock {
     /// The time now.
     fn now(&self) -> Nanos;
-    /// Waits until `deadline`, and not at all where it has passed.
+    /// Waits until `deadline`. Returns at once if it has passed.
     fn sleep_until(&self, deadline: Nanos);
 }
 
@@ -28,7 +28,7 @@ impl Clock for Monotonic {
     fn sleep_until(&self, deadline: Nanos) {
         let request =
             Timespec { tv_sec: (deadline / 1_000_000_000) as i64, tv_nsec: (deadline % 1_000_000_000) as _ };
-        // A signal cuts the sleep short; the deadline is absolute, so it is simply asked for again.
+        // A signal ends the sleep early. The deadline is absolute, so that the same request sleeps for the rest.
         while clock_nanosleep_absolute(ClockId::Monotonic, &request) == Err(Errno::INTR) {}
     }
 }

@@ -1,23 +1,23 @@
-//! What a client saw, readable from any thread at any time.
+//! Counters of a client. Every thread can read them at any time.
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering::Relaxed};
 
-/// Counts of a client and its newest measure of the line.
+/// Counters of a client, and the latency of its poses.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Status {
-    /// Poses handed on.
+    /// Number of poses that were put into the ring.
     pub poses: u32,
-    /// Frames in which the body was not tracked.
+    /// Number of frames in which the body was not tracked.
     pub untracked: u32,
-    /// Frames that never came, by their numbers.
+    /// Number of frames that never arrived, computed from their numbers.
     pub lost: u32,
-    /// Packets or messages that are malformed, and poses that are none.
+    /// Number of packets and messages that are malformed, and of poses that are not valid.
     pub refused: u32,
-    /// Poses that found the ring full.
+    /// Number of poses that were lost because the ring was full.
     pub dropped: u32,
-    /// How often the clock of the capture system was set to another time.
+    /// Number of times that the clock of the capture system was set to another time.
     pub clock_resets: u32,
-    /// Times that the server was silent and was asked again.
+    /// Number of times that the server was silent and the client asked it again.
     pub silences: u32,
     /// Age of the poses when they arrive, s, smoothed over about 100 of them; 0 before the first.
     pub latency: f64,
@@ -37,7 +37,7 @@ pub(super) struct Counters {
     latency: AtomicU64,
 }
 
-/// Counts some more.
+/// Adds to a counter.
 pub(super) fn add(counter: &AtomicU32, more: u32) {
     counter.fetch_add(more, Relaxed);
 }
@@ -56,7 +56,7 @@ impl Counters {
         }
     }
 
-    /// Takes the age of one pose, s. Only the client's thread writes.
+    /// Adds the age of one pose, s, to the smoothed latency. Only the client's thread writes it.
     pub(super) fn age(&self, age: f64) {
         let mean = f64::from_bits(self.latency.load(Relaxed));
         let mean = if mean == 0.0 { age } else { mean + 0.01 * (age - mean) };

@@ -1,5 +1,5 @@
-//! From whoever knows the pose to the thread that sends it, over a line that
-//! delays, jitters and loses as configured.
+//! Passes poses from the simulation to the thread of a server, which sends them. Latency, jitter and losses of the line are
+//! configured.
 
 use std::{
     cmp::Reverse,
@@ -23,38 +23,37 @@ use tilthex_core::{Matrix3, Vector3, random::Random};
 use super::clock::{Clock, Monotonic};
 use tilthex_core::types::Nanos;
 
-/// Publications that may wait for the thread, and for their time.
+/// Number of poses that can wait for the thread, and for their time.
 const CAPACITY: usize = 512;
 const SECOND: Nanos = 1_000_000_000;
 
 /// The line between a simulated capture and its clients.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineParams {
-    /// From the exposure to the sending, s.
+    /// Time from the exposure to the sending, s.
     pub latency: f64,
-    /// Added to it, s: uniform from 0 to this.
+    /// Largest jitter, s. A random time from 0 to this is added to [`Self::latency`], uniformly distributed.
     pub jitter: f64,
-    /// Share of the poses that are never sent.
+    /// Part of the poses that are not sent.
     pub loss: f64,
-    /// Chooses the jitter and the losses.
+    /// Seed of the random jitter and losses.
     pub seed: u64,
 }
 
 /// A pose to be sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Publication {
-    /// When it was taken, on the monotonic clock.
+    /// Time at which it was taken, monotonic clock.
     pub time: Nanos,
     /// Position of the body, m, world.
     pub position_w: Vector3,
     /// Maps the body's coordinates to the world's.
     pub rotation_wr: Matrix3,
-    /// Whether the cameras see it.
+    /// Whether the body is tracked.
     pub tracking_valid: bool,
 }
 
-/// The publishing end of a server that runs in a thread of its own; the thread
-/// ends when this is dropped.
+/// The simulation's end of a server, whose thread it runs. The thread ends when this is dropped.
 #[derive(Debug)]
 pub(super) struct Publisher {
     ring: rtrb::Producer<Publication>,
@@ -67,7 +66,7 @@ impl Publisher {
     /// Starts the server's thread.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub(super) fn start(
         name: &str,
         line: LineParams,
@@ -92,7 +91,7 @@ impl Publisher {
         Ok(Self { ring: producer, bell, stop, thread: Some(thread) })
     }
 
-    /// Hands a pose over, wait-free but for one system call; whether there was room.
+    /// Passes a pose to the thread: wait-free, with one system call. Returns whether there was room.
     pub(super) fn publish(&mut self, publication: Publication) -> bool {
         let taken = self.ring.push(publication).is_ok();
         self.ring_bell();
@@ -101,7 +100,7 @@ impl Publisher {
 
     /// Wakes the sending thread.
     fn ring_bell(&self) {
-        // It only fails when it is already ringing.
+        // It fails only if the thread has already been woken.
         let _ = rustix::io::write(&*self.bell, &1_u64.to_ne_bytes());
     }
 }
@@ -116,7 +115,7 @@ impl Drop for Publisher {
     }
 }
 
-/// A pose and when it is due; ordered by that, then by number.
+/// A pose with the time at which it is due, and its number. Ordered by time, then by number.
 #[derive(Clone, Copy, Debug)]
 struct Due(Nanos, u64, Publication);
 
@@ -140,7 +139,7 @@ impl Ord for Due {
     }
 }
 
-/// The sending end.
+/// The thread's end, which sends.
 #[derive(Debug)]
 pub(super) struct Delivery {
     ring: rtrb::Consumer<Publication>,
@@ -153,13 +152,12 @@ pub(super) struct Delivery {
 }
 
 impl Delivery {
-    /// Whether the publisher is still there.
+    /// Whether the publisher still exists.
     pub(super) fn is_open(&self) -> bool {
         !self.stop.load(Ordering::Relaxed)
     }
 
-    /// Waits until something was published or a pose is due, or one of
-    /// `sources` is readable; a second at most.
+    /// Waits until a pose was published, a pose is due, or one of `sources` is readable. Waits for 1 s at most.
     pub(super) fn wait<'a>(&'a self, sources: impl Iterator<Item = BorrowedFd<'a>>) {
         let left = self.due().map_or(SECOND, |due| due.saturating_sub(Monotonic.now()).min(SECOND));
         let timeout = Timespec { tv_sec: (left / SECOND) as _, tv_nsec: (left % SECOND) as _ };
@@ -167,16 +165,16 @@ impl Delivery {
             .chain([self.bell.as_fd()])
             .map(|source| PollFd::from_borrowed_fd(source, PollFlags::IN))
             .collect();
-        // Whatever the reason to return is, everything is looked at again.
+        // The reason does not matter: after the return the thread examines everything.
         let _ = poll(&mut sources, Some(&timeout));
     }
 
-    /// When the next pose is due.
+    /// Time at which the next pose is due.
     fn due(&self) -> Option<Nanos> {
         self.waiting.peek().map(|Reverse(Due(due, ..))| *due)
     }
 
-    /// The next pose that is due by now, with its number.
+    /// The next pose that is due at `now`, with its number.
     pub(super) fn next(&mut self, now: Nanos) -> Option<(u64, Publication)> {
         let mut bell = [0; 8];
         let _ = rustix::io::read(&*self.bell, &mut bell);

@@ -1,13 +1,14 @@
-//! Why there is no motion capture.
+//! Errors of motion capture.
 
 use std::fmt;
 
-/// Why a pose source cannot be named or read, in one sentence: what, found, expected, what mends it.
+/// Why an address of a pose source is wrong, or the source cannot be read. One sentence: what is wrong, what was found,
+/// what was expected, and how to correct it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceError(String);
 
 impl SourceError {
-    /// With its sentence.
+    /// An error with its sentence.
     pub fn new(sentence: impl Into<String>) -> Self {
         Self(sentence.into())
     }

@@ -1,7 +1,7 @@
-//! Motion capture over the network: the client that gives the loop its poses,
-//! and the servers with which a simulated vehicle shows its own.
+//! Motion capture over the network: clients, which give poses to the loop, and servers, which send the poses of a simulated
+//! vehicle.
 //!
-//! Each runs in a thread of its own. Between it and the loop is a wait-free ring.
+//! Each of them runs in its own thread. A wait-free ring connects it with the loop.
 
 mod client;
 mod clock;
@@ -29,12 +29,12 @@ pub use vrpn_server::{VrpnServer, VrpnServerParams};
 
 use tilthex_core::types::Nanos;
 
-/// A time of the monotonic clock in seconds, as the core counts.
+/// Converts a time of the monotonic clock to seconds, the unit of the core.
 fn seconds(time: Nanos) -> f64 {
     time as f64 * 1e-9
 }
 
-/// The monotonic clock's time now, s.
+/// The present time of the monotonic clock, s.
 fn now() -> f64 {
     seconds(Monotonic.now())
 }

@@ -29,13 +29,13 @@ use sender::Sender;
 use tilthex_core::types::Nanos;
 
 const MILLISECOND: Nanos = 1_000_000;
-/// A question that is not answered is asked again.
+/// A question that is not answered is repeated after this time.
 const ASK_AGAIN: Nanos = 200 * MILLISECOND;
-/// This long is waited for each of introduction, models and first frame.
+/// Longest wait for each of introduction, models and first frame.
 const PATIENCE: Nanos = 1_200 * MILLISECOND;
-/// The server forgets clients that do not say that they listen.
+/// Time between two keep-alives. The server forgets a client that does not send them.
 const KEEP_ALIVE: Nanos = 200 * MILLISECOND;
-/// After this time without a frame the client asks the server again.
+/// If no frame arrives for this time, the client asks the server again.
 const SILENCE: Nanos = 1_000 * MILLISECOND;
 /// Largest relative drift between a server's clock and ours.
 const DRIFT: f64 = 1e-4;
@@ -51,7 +51,7 @@ pub(super) struct Session {
     data_port: u16,
     body: i32,
     echo: EchoClock,
-    /// For servers whose cameras do not tell the exposure.
+    /// Clock for servers whose cameras do not send exposure times.
     passive: ClockSync,
     newest: Option<i32>,
     sender: Sender,
@@ -134,7 +134,7 @@ impl PoseSource for Session {
 }
 
 impl Session {
-    /// Asks who is there; the group that frames are sent to.
+    /// Asks for the server's introduction. Returns the multicast group to which it sends frames.
     fn introduce(&mut self) -> Result<Option<[u8; 4]>, SourceError> {
         let refused = self.refused();
         let info = self.ask(Self::say_connect, |session, id, payload| {
@@ -144,30 +144,30 @@ impl Session {
         match info {
             Some(Introduction::Server(group)) => Ok(group),
             Some(Introduction::Version(Version { major, minor })) => Err(SourceError::new(format!(
-                "{server} speaks NatNet {major}.{minor}; expected 3.0 to 4.2: use a newer capture program, or let it \
-                 stream in another version"
+                "{server} speaks NatNet {major}.{minor}; expected 3.0 to 4.2: use a newer capture program, or set its \
+                 stream to another version"
             ))),
             None => Err(SourceError::new(if let Some(port) = self.sender.stranger() {
                 format!(
-                    "what answers for {server} sends from port {port}, not from the port that was asked: check the port, \
-                     usually 1510, and that no other program answers there"
+                    "the answer of {server} comes from port {port}; expected it from the port that was asked: check the \
+                     port, usually 1510, and that no other program answers there"
                 )
             } else if self.refused() > refused {
                 format!("{server} answers, but not as a NatNet server: check the port, usually 1510")
             } else {
                 format!(
                     "no NatNet server answers at {server}: check the address, that the capture system \
-                     streams, and that no firewall stops UDP"
+                     streams, and that no firewall blocks UDP"
                 )
             })),
         }
     }
 
-    /// Asks for the models; the body's id.
+    /// Asks for the models, and finds the body's id in them.
     fn find_body(&mut self) -> Result<(), SourceError> {
         let ask = |session: &mut Self| {
             session.line.say(|out| write_bare(out, MessageId::RequestModelDef));
-            // Until the first frame is due, the clock is known.
+            // The clock is then known before the first frame arrives.
             session.line.say(|out| write_echo_request(out, Monotonic.now()));
         };
         let mut unreadable = None;
@@ -188,7 +188,7 @@ impl Session {
                 Ok(())
             }
             Some(Found::Others(names)) if names.is_empty() => Err(SourceError::new(format!(
-                "{server} captures nothing, no rigid body: define `{}` there, and switch rigid bodies on in its stream",
+                "{server} captures no rigid body at all: define `{}` there, and switch rigid bodies on in its stream",
                 self.uri.body
             ))),
             Some(Found::Others(names)) => Err(SourceError::new(format!(
@@ -198,11 +198,11 @@ impl Session {
             ))),
             None => Err(SourceError::new(match unreadable {
                 Some(length) => format!(
-                    "{server} (NatNet {major}.{minor}) lists what it captures in a layout that is none of NatNet 3.0 to \
-                     4.2 ({length} bytes): let it stream in one of these versions"
+                    "{server} (NatNet {major}.{minor}) lists its models in an unknown layout ({length} bytes); expected \
+                     that of NatNet 3.0 to 4.2: set its stream to one of these versions"
                 ),
                 None => format!(
-                    "{server} (NatNet {major}.{minor}) does not answer what it captures: switch on its stream"
+                    "{server} (NatNet {major}.{minor}) does not send its list of models: switch its stream on"
                 ),
             })),
         }
@@ -234,15 +234,15 @@ impl Session {
                     "the frames of {server} hold no rigid body at all: switch rigid bodies on in its stream"
                 ),
                 (Some(Taken::Others(count)), _) => format!(
-                    "the frames of {server} hold {count} rigid bodies but not `{body}`: is it switched on, and is its id \
-                     its own?"
+                    "the frames of {server} hold {count} rigid bodies but not `{body}`: check that it is switched on and \
+                     that no other body has its id"
                 ),
                 (Some(Taken::Unreadable(what)), _) => format!(
-                    "the frames of {server} (NatNet {major}.{minor}) are laid out otherwise than those of NatNet 3.0 to 4.2 \
-                     ({what}): let it stream in one of these versions"
+                    "the frames of {server} (NatNet {major}.{minor}) have an unknown layout ({what}); expected that of \
+                     NatNet 3.0 to 4.2: set its stream to one of these versions"
                 ),
                 (_, Some(_)) if !self.line.has_group() => format!(
-                    "{server} sends its frames to a group, none came here: use {}",
+                    "{server} sends its frames to a multicast group, and none arrived here: use {}",
                     self.with(Protocol::NatNetMulticast)
                 ),
                 _ => format!("{server} answers but sends no frames: start the capture's stream"),
@@ -250,7 +250,7 @@ impl Session {
         })
     }
 
-    /// This body's address in another protocol.
+    /// The address of this body with another protocol.
     fn with(&self, protocol: Protocol) -> MocapUri {
         MocapUri { protocol, ..self.uri.clone() }
     }
@@ -259,7 +259,7 @@ impl Session {
         self.line.say(|out| write_connect(out, MessageId::Connect, "tilthex", Version::V3_0));
     }
 
-    /// Asks, again and again, until an answer is found or patience ends.
+    /// Asks every [`ASK_AGAIN`] until `take` finds the answer, for [`PATIENCE`] at most.
     fn ask<T>(
         &mut self,
         mut question: impl FnMut(&mut Self),
@@ -276,7 +276,7 @@ impl Session {
         None
     }
 
-    /// Reads packets until `end`, or until one is what `take` looks for. Echoes are taken on the way.
+    /// Reads packets until `end`, or until `take` returns a result. Also handles the answers to echo requests.
     fn receive<T>(
         &mut self,
         end: Nanos,
@@ -288,7 +288,7 @@ impl Session {
                 return None;
             }
             self.line.wait(left);
-            // Out of the way while the session is changed.
+            // The buffer is taken out of the session, because the session is changed meanwhile.
             let mut buffer = std::mem::take(&mut self.buffer);
             let mut found = None;
             while found.is_none()

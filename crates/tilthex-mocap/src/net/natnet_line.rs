@@ -13,12 +13,12 @@ use socket2::{Domain, Socket, Type};
 
 use tilthex_core::types::Nanos;
 
-/// The line to one server.
+/// The sockets to one server.
 pub(super) struct Line {
     server: SocketAddr,
-    /// For commands, their answers, and frames to this client.
+    /// Socket for commands, their answers, and unicast frames.
     command: UdpSocket,
-    /// For frames to the group.
+    /// Socket for multicast frames.
     group: Option<UdpSocket>,
 }
 
@@ -33,9 +33,9 @@ impl Line {
         Ok(Self { server, command, group: None })
     }
 
-    /// Listens to a group on its port too, shared with other clients of this host.
+    /// Joins a multicast group on its port. Other clients on this computer can use the same port.
     pub(super) fn join(&mut self, group: [u8; 4], port: u16) -> io::Result<()> {
-        // The interface towards the server.
+        // Finds the network interface that leads to the server.
         let probe = UdpSocket::bind((Ipv4Addr::UNSPECIFIED, 0))?;
         probe.connect(self.server)?;
         let interface = match probe.local_addr()?.ip() {
@@ -60,11 +60,11 @@ impl Line {
     pub(super) fn say(&self, write: impl FnOnce(&mut [u8]) -> usize) {
         let mut packet = [0; 512];
         let length = write(&mut packet);
-        // What cannot be sent is not answered, and asked again.
+        // If the packet cannot be sent, no answer arrives, and the client asks again.
         let _ = self.command.send_to(&packet[..length], self.server);
     }
 
-    /// Waits for a packet, ns at most.
+    /// Waits for a packet, for `left` ns at most.
     pub(super) fn wait(&self, left: Nanos) {
         let timeout = Timespec { tv_sec: (left / 1_000_000_000) as _, tv_nsec: (left % 1_000_000_000) as _ };
         let command = PollFd::new(&self.command, PollFlags::IN);
@@ -74,7 +74,7 @@ impl Line {
         };
     }
 
-    /// The next packet of the server's host, from either socket: its length and the port that sent it.
+    /// The next packet from the server's host, from one of the two sockets: its length, and the port that sent it.
     pub(super) fn read(&self, buffer: &mut [u8]) -> Option<(usize, u16)> {
         [Some(&self.command), self.group.as_ref()].into_iter().flatten().find_map(|socket| {
             loop {
@@ -82,7 +82,7 @@ impl Line {
                     Ok((length, from)) if from.ip() == self.server.ip() => {
                         return Some((length, from.port()));
                     }
-                    // Strangers are not listened to.
+                    // Packets from other hosts are ignored.
                     Ok(_) => {}
                     Err(_) => return None,
                 }

@@ -1,4 +1,4 @@
-//! A NatNet server, as Motive is one, for a simulated body.
+//! A NatNet server for a simulated body. It behaves like Motive.
 
 use std::{
     io,
@@ -19,33 +19,33 @@ use super::clock::{Clock, Monotonic};
 use super::delivery::{Delivery, LineParams, Publication, Publisher};
 use tilthex_core::types::Nanos;
 
-/// Clients that are served at once.
+/// Largest number of clients at the same time.
 const MAX_CLIENTS: usize = 16;
-/// A client that said nothing for this long is gone.
+/// A client that sends nothing for this time counts as gone.
 const CLIENT_TIMEOUT: Nanos = 10_000_000_000;
-/// The server's clock ticks every 100 ns, from an origin of its own.
+/// Period of the server's clock. The clock has an origin of its own.
 const TICK: Nanos = 100;
 const ORIGIN: u64 = 123_456_789_000;
 
-/// What the server shows and how.
+/// Settings of the server.
 #[derive(Clone, Debug)]
 pub struct NatNetServerParams {
-    /// Where it takes commands; port 0 for any that is free. Frames come from here too.
+    /// The address at which it receives commands, and from which it sends frames. Port 0 means any free port.
     pub address: SocketAddrV4,
     /// The body's name.
     pub body: String,
-    /// The layout of what it sends.
+    /// The version whose layout it sends.
     pub version: Version,
-    /// Where frames go; `None` to send them to each client.
+    /// The multicast address to which it sends frames; `None` to send them to each client.
     pub multicast: Option<SocketAddrV4>,
-    /// The axis that points up in what it sends.
+    /// The axis that points up in its coordinates.
     pub up_axis: UpAxis,
     /// The line to the clients.
     pub line: LineParams,
 }
 
 impl NatNetServerParams {
-    /// A body on loopback, unicast, at the usual port, as Motive shows it, over a perfect line.
+    /// Settings like those of Motive: loopback, unicast, the usual port, and a line without delay and losses.
     #[must_use]
     pub fn new(body: impl Into<String>) -> Self {
         Self {
@@ -73,7 +73,7 @@ impl NatNetServer {
     /// Starts the server.
     ///
     /// # Errors
-    /// The kernel's, mostly a port that is taken.
+    /// Errors of the kernel: usually the port is in use.
     pub fn start(params: NatNetServerParams) -> io::Result<Self> {
         let socket = UdpSocket::bind(params.address)?;
         socket.set_nonblocking(true)?;
@@ -91,13 +91,13 @@ impl NatNetServer {
         Ok(Self { address, publisher })
     }
 
-    /// Where it takes commands.
+    /// The address at which it receives commands.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Shows a pose. Never blocks; whether there was room for it.
+    /// Publishes a pose. Never blocks. Returns whether there was room for it.
     pub fn publish(&mut self, publication: Publication) -> bool {
         self.publisher.publish(publication)
     }
@@ -145,7 +145,7 @@ impl Worker {
         match (id, known) {
             (MessageId::Disconnect, _) => self.clients.retain(|client| client.address != from),
             (_, Some(client)) => client.heard = now,
-            // A discovery only looks around, and so do questions.
+            // A discovery or another question does not make its sender a client.
             (MessageId::Connect | MessageId::KeepAlive, None) if room => {
                 self.clients.push(Client { address: from, heard: now });
             }
@@ -167,7 +167,7 @@ impl Worker {
             _ => 0,
         };
         if length > 0 {
-            // What cannot be sent is lost, as datagrams are.
+            // An answer that cannot be sent is lost, like any datagram.
             let _ = self.socket.send_to(&self.out[..length], from);
         }
     }

@@ -1,28 +1,29 @@
-//! What every source of poses does, and the list of those that there are.
+//! The interface of every pose source, and the list of all sources.
 
 use std::{net::SocketAddr, sync::atomic::AtomicBool};
 
 use super::{SourceError, client::Sink, natnet_client, udp_client, uri::MocapUri, vrpn_client};
 use crate::{natnet, udp, vrpn};
 
-/// A system that tells where the vehicle is. It runs in a thread of its own and may wait there.
+/// A source of poses of the vehicle. It runs in its own thread and may wait there.
 pub(super) trait PoseSource: Send {
-    /// Finds the system and the body that an address names, and waits for the body's first pose.
+    /// Finds the server and the body that an address names, and waits for the body's first pose.
     ///
     /// # Errors
-    /// One sentence: nobody there, somebody else there, no such body (with those that are there), no poses.
+    /// One sentence: no server or another server answers, the body is unknown (with the names of the bodies that the
+    /// server has), or no poses arrive.
     fn connect(uri: &MocapUri, server: SocketAddr, sink: Sink) -> Result<Self, SourceError>
     where
         Self: Sized;
 
-    /// Hands poses to the sink until told to stop. What is lost is found again by itself.
+    /// Passes poses to the sink until `stop` is true. If the connection is lost, it connects again.
     fn run(self: Box<Self>, stop: &AtomicBool);
 }
 
-/// Declares the sources: name, scheme of its addresses, port where none is named, type.
+/// Declares the sources: name, scheme of its addresses, default port, type.
 macro_rules! sources {
     ($( $(#[doc = $doc:literal])* $name:ident => $scheme:literal, $port:expr, $source:ty; )*) => {
-        /// How a source of poses speaks.
+        /// The protocol of a pose source.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Protocol {
             $( $(#[doc = $doc])* $name, )*
@@ -32,7 +33,7 @@ macro_rules! sources {
             /// Every protocol.
             pub const ALL: &[Self] = &[$( Self::$name ),*];
 
-            /// What stands before `://` in an address.
+            /// The part of an address before `://`.
             #[must_use]
             pub fn scheme(self) -> &'static str {
                 match self {
@@ -46,7 +47,7 @@ macro_rules! sources {
                 }
             }
 
-            /// Connects by this protocol.
+            /// Connects with this protocol.
             pub(super) fn connect(
                 self, uri: &MocapUri, server: SocketAddr, sink: Sink,
             ) -> Result<Box<dyn PoseSource>, SourceError> {
@@ -59,12 +60,12 @@ macro_rules! sources {
 }
 
 sources! {
-    /// NatNet, frames sent to this host.
+    /// NatNet with unicast frames.
     NatNet => "natnet", natnet::COMMAND_PORT, natnet_client::Session;
-    /// NatNet, frames sent to a group.
+    /// NatNet with multicast frames.
     NatNetMulticast => "natnet+multicast", natnet::COMMAND_PORT, natnet_client::Session;
     /// VRPN over TCP.
     Vrpn => "vrpn", vrpn::PORT, vrpn_client::Session;
-    /// Packets of our own over UDP, for anything else.
+    /// The UDP packets of tilthex, for any other source.
     Udp => "udp", udp::PORT, udp_client::Session;
 }

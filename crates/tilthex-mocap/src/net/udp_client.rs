@@ -1,4 +1,4 @@
-//! Poses in UDP packets of our own.
+//! A client for poses in the UDP packets of tilthex.
 
 use std::{
     fmt,
@@ -22,25 +22,25 @@ use crate::{
 };
 use tilthex_core::clock_sync::{ClockEvent, ClockParams, ClockSync};
 
-/// This long is waited for the first pose.
+/// Longest wait for the first pose.
 const PATIENCE: Duration = Duration::from_secs(2);
-/// Reads return at least this often, to see whether to stop.
+/// A read returns after this time at the latest, so that the thread can stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
-/// Without a pose for this long, the sender may come back from another port, s.
+/// If no pose arrives for this time, s, the sender may send from another port.
 const FORGOTTEN: f64 = 1.0;
-/// Stamps may be times of another machine.
+/// Largest relative drift: times may come from the clock of another computer.
 const DRIFT: f64 = 1e-4;
-/// Names kept for a message.
+/// Number of names that are kept for a message.
 const MAX_NAMES: usize = 16;
 
-/// Why a packet was not taken.
+/// Why a packet was refused.
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
     /// It came from another host.
     Stranger(IpAddr),
-    /// It is no packet of ours; its length, bytes.
+    /// It does not have the form of `crate::udp`; with its length, bytes.
     Malformed(Malformed, usize),
-    /// Its quaternion has another length than 1.
+    /// The length of its quaternion is not 1.
     Turned([f64; 4]),
 }
 
@@ -60,11 +60,11 @@ impl fmt::Display for Refusal {
     }
 }
 
-/// A socket that one sender's packets come to.
+/// A socket that receives the packets of one sender.
 pub(super) struct Session {
     uri: MocapUri,
     socket: UdpSocket,
-    /// Whose packets are taken: the host that the address names, from the port of its first pose.
+    /// The accepted sender: the host that the address names, and the port from which its first pose came.
     host: IpAddr,
     sender: Option<SocketAddr>,
     newest: f64,
@@ -111,10 +111,10 @@ impl PoseSource for Session {
         let (body, host, port) = (&uri.body, session.host, uri.port);
         let came = match session.refusal {
             Some(refusal) => refusal.to_string(),
-            None => format!("what came was of {}", list(&session.others)),
+            None => format!("the packets that arrived name {}", list(&session.others)),
         };
         Err(SourceError::new(format!(
-            "no UDP pose of `{body}` came from {host} at port {port}: {came}; start the sender, and check its address, \
+            "no UDP pose of `{body}` arrived from {host} at port {port}: {came}; start the sender, and check its address, \
              the body's name and the layout of its packets"
         )))
     }
@@ -127,9 +127,9 @@ impl PoseSource for Session {
 }
 
 impl Session {
-    /// Takes a packet, or waits a moment for one; whether it was a pose of the body.
+    /// Takes a packet, or waits for one for [`READ_TIMEOUT`]. Returns whether it was a pose of the body.
     fn read(&mut self) -> bool {
-        // One byte more than a packet may have shows those that are too long.
+        // With one byte more than the longest packet, a packet that is too long is noticed.
         let mut packet = [0; MAX_LENGTH + 1];
         let (length, from) = match self.socket.recv_from(&mut packet) {
             Ok(received) => received,
@@ -157,7 +157,7 @@ impl Session {
             }
             return false;
         }
-        // A packet that was overtaken comes too late to say anything new.
+        // A packet that arrives after a newer one has no new information.
         let ahead = self.number.map_or(1, |last| pose.number.wrapping_sub(last));
         if known.is_some() && (ahead == 0 || ahead > u32::MAX / 2) {
             return false;
@@ -169,14 +169,14 @@ impl Session {
         let stamp = self.clock.step(pose.time, arrival);
         add(&self.sink.counters.clock_resets, (stamp.event == ClockEvent::Reset).into());
         let taken = stamp.time - self.sink.params.latency;
-        // The sink counts what is no pose.
+        // The sink counts poses that are not valid.
         let is_pose =
             self.sink.pose((taken, arrival), pose.position, pose.quaternion_xyzw, pose.tracking_valid);
         self.refusal = (!is_pose).then_some(Refusal::Turned(pose.quaternion_xyzw));
         is_pose
     }
 
-    /// Counts a packet that is not taken.
+    /// Counts a packet that is refused.
     fn refuse(&mut self, why: Refusal) -> bool {
         add(&self.sink.counters.refused, 1);
         self.refusal = Some(why);

@@ -1,22 +1,22 @@
-//! Where the poses come from.
+//! Addresses of pose sources.
 
 use std::{fmt, str::FromStr};
 
 use super::{SourceError, source::Protocol};
 
-/// A captured body's address: `natnet://HOST[:PORT]/BODY`,
+/// The address of a captured body: `natnet://HOST[:PORT]/BODY`,
 /// `natnet+multicast://HOST[:PORT]/BODY`, `vrpn://HOST[:PORT]/TRACKER[/SENSOR]` or `udp://SENDER[:PORT]/BODY`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MocapUri {
-    /// How the system speaks.
+    /// The protocol.
     pub protocol: Protocol,
-    /// Its name or address, without brackets.
+    /// The server's name or IP address, without brackets.
     pub host: String,
-    /// Its port for commands (NatNet) or connections (VRPN), or the port of this computer for its packets (UDP).
+    /// The server's port for commands (NatNet) or connections (VRPN), or this computer's port for packets (UDP).
     pub port: u16,
     /// The rigid body's or tracker's name.
     pub body: String,
-    /// The number of the tracker's sensor (VRPN); `None` for the first one that reports.
+    /// The number of the tracker's sensor (VRPN); `None` for the first sensor that reports.
     pub sensor: Option<i32>,
 }
 
@@ -45,7 +45,7 @@ impl FromStr for MocapUri {
         if body.is_empty() {
             return Err(wrong("names no body"));
         }
-        // An IPv6 address stands in brackets, for its own colons.
+        // An IPv6 address is written in brackets, because it contains colons.
         let (host, port) = match authority.strip_prefix('[').and_then(|rest| rest.split_once(']')) {
             Some((host, port)) => (host, port.strip_prefix(':').or(port.is_empty().then_some(""))),
             None => {
@@ -58,7 +58,7 @@ impl FromStr for MocapUri {
                 Some(port) => port.parse().ok().filter(|&port| port > 0).ok_or_else(|| {
                     wrong(&format!("has the port `{port}`, which is not within 1 to 65535"))
                 })?,
-                None => return Err(wrong("has something other than a port behind its address")),
+                None => return Err(wrong("has something other than a port after its address")),
             };
         if host.is_empty() {
             return Err(wrong("names no host"));
@@ -74,7 +74,7 @@ impl fmt::Display for MocapUri {
         let body = self.body.replace('%', "%25");
         match (self.sensor, self.protocol, body.rsplit_once('/')) {
             (Some(sensor), ..) => write!(f, "{body}/{sensor}"),
-            // The name's own end is no number of a sensor.
+            // Without the sensor's number, the end of the name would be read as one.
             (None, Protocol::Vrpn, Some((name, end))) if split_sensor(&body).1.is_some() => {
                 write!(f, "{name}%2F{end}")
             }
@@ -83,7 +83,7 @@ impl fmt::Display for MocapUri {
     }
 }
 
-/// A tracker's name, and the number of its sensor behind the last slash, where one stands there.
+/// Splits a tracker's name from the number of its sensor after the last slash, if there is one.
 fn split_sensor(text: &str) -> (&str, Option<i32>) {
     let number =
         |end: &str| end.bytes().all(|byte| byte.is_ascii_digit()).then(|| end.parse().ok()).flatten();
@@ -93,7 +93,7 @@ fn split_sensor(text: &str) -> (&str, Option<i32>) {
     }
 }
 
-/// Replaces `%XX`; names of bodies have blanks at times.
+/// Replaces `%XX` by its byte: names of bodies may contain blanks.
 fn decode_percent(text: &str) -> Option<String> {
     let mut bytes = Vec::with_capacity(text.len());
     let mut rest = text.as_bytes();

@@ -19,20 +19,21 @@ use super::{
     uri::MocapUri,
 };
 
-/// This long is waited for each of connection, greeting and first pose.
+/// Longest wait for each of connection, greeting and first pose.
 const PATIENCE: Duration = Duration::from_millis(1200);
-/// Reads return at least this often, to see whether to stop.
+/// A read returns after this time at the latest, so that the thread can stop.
 const READ_TIMEOUT: Duration = Duration::from_millis(100);
-/// Between attempts to connect again, behind a first one at once: a pose that is lost for 0.5 s lands.
+/// Time between two attempts to connect again; the first attempt is made at once. It is short, because the vehicle lands if
+/// its pose is lost for 0.5 s.
 const RECONNECT: Duration = Duration::from_millis(20);
-/// This long is waited for a server that is connected to again.
+/// Longest wait for a server when the client connects again.
 const PATIENCE_AGAIN: Duration = Duration::from_millis(200);
-/// Names kept for a message.
+/// Number of names that are kept for a message.
 const MAX_NAMES: usize = 64;
-/// Stamps are wall-clock times of another machine.
+/// Largest relative drift: times are wall-clock times of another computer.
 const DRIFT: f64 = 1e-4;
 
-/// The ids of this connection.
+/// The ids that the server has announced in this connection.
 #[derive(Debug, Default)]
 struct Names {
     tracker: Option<i32>,
@@ -40,12 +41,12 @@ struct Names {
     others: Vec<Vec<u8>>,
 }
 
-/// The sensor followed, over every connection: another one is another body.
+/// The sensor that the client follows. It stays the same over all connections, because another sensor is another body.
 #[derive(Debug)]
 struct Followed {
-    /// The one that the address names, or the first that reported.
+    /// The sensor that the address names, or the first that reported.
     sensor: Option<i32>,
-    /// The others that reported, for a message.
+    /// Other sensors that reported, for a message.
     others: Vec<i32>,
 }
 
@@ -110,14 +111,15 @@ impl Session {
                 "the tracker `{tracker}` of {server} has no sensor {sensor}; its sensors that report are {}",
                 self.followed.others.iter().map(i32::to_string).collect::<Vec<_>>().join(", ")
             ),
-            (Some(_), _) => format!("the tracker `{tracker}` of {server} sends no poses: is its body seen?"),
+            (Some(_), _) => format!("the tracker `{tracker}` of {server} sends no poses: check that its body is tracked"),
             (None, _) => {
                 format!("{server} has no tracker named `{tracker}`; it has {}", list(&self.names.others))
             }
         }))
     }
 
-    /// Takes what came, or waits a moment for it; the number of poses, or `None` when the connection is lost.
+    /// Reads what has arrived, or waits for it for [`READ_TIMEOUT`]. Returns the number of poses, or `None` if the
+    /// connection is lost.
     fn read(&mut self) -> Option<u32> {
         let mut bytes = [0; 4096];
         let count = match self.stream.read(&mut bytes) {
@@ -153,7 +155,7 @@ impl Session {
     }
 }
 
-/// Takes a message; whether it was a pose of the tracker.
+/// Takes a message. Returns whether it was a pose of the tracker.
 fn take(
     (names, followed): (&mut Names, &mut Followed),
     clock: &mut ClockSync,
@@ -188,14 +190,14 @@ fn take(
     sink.pose((stamp.time - sink.params.latency, arrival), pose.position, pose.quaternion_xyzw, true)
 }
 
-/// Connects and exchanges cookies, within a time for each.
+/// Connects, then exchanges cookies. Waits for each of the two for `patience`.
 fn greet(server: SocketAddr, patience: Duration) -> Result<TcpStream, SourceError> {
     let lost = |why: &str| SourceError::new(format!("no VRPN server at {server}: {why}"));
     let mut stream = TcpStream::connect_timeout(&server, patience).map_err(|error| match error.kind() {
         ErrorKind::ConnectionRefused => {
-            lost("nothing listens there; check the address and that the server runs")
+            lost("no program listens there; check the address and that the server runs")
         }
-        ErrorKind::TimedOut => lost("nobody answers; check the address and the network"),
+        ErrorKind::TimedOut => lost("no computer answers; check the address and the network"),
         _ => lost(&error.to_string()),
     })?;
     let set_up = stream.set_nodelay(true).and_then(|()| stream.set_read_timeout(Some(READ_TIMEOUT)));
@@ -215,10 +217,10 @@ fn greet(server: SocketAddr, patience: Duration) -> Result<TcpStream, SourceErro
     }
     let said = String::from_utf8_lossy(&cookie[..filled]);
     Err(lost(&if filled == 0 {
-        "something listens there but sends no VRPN greeting; check the port, usually 3883".into()
+        "a program listens there but sends no VRPN greeting; check the port, usually 3883".into()
     } else {
         format!(
-            "something else answers, with `{}`; expected VRPN 7, check the port, usually 3883",
+            "another program answers, with `{}`; expected VRPN 7: check the port, usually 3883",
             said.trim_end_matches('\0').escape_debug()
         )
     }))

@@ -15,9 +15,9 @@ use crate::{
 use super::clock::{Clock, Monotonic};
 use super::delivery::{Delivery, LineParams, Publication, Publisher};
 
-/// Clients that are served at once.
+/// Largest number of clients at the same time.
 const MAX_CLIENTS: usize = 16;
-/// Bytes that may wait for a client; one that reads more slowly is disconnected.
+/// Largest number of bytes that wait for a client. A client that reads too slowly is disconnected.
 const MAX_PENDING: usize = 64 * 1024;
 
 /// Ids that this server announces.
@@ -25,23 +25,23 @@ const CONTROL_SENDER: i32 = 0;
 const TRACKER_SENDER: i32 = 1;
 const POSE_TYPE: i32 = 0;
 
-/// What the server shows and how.
+/// Settings of the server.
 #[derive(Clone, Debug)]
 pub struct VrpnServerParams {
-    /// Where it takes connections; port 0 for any that is free.
+    /// The address at which it accepts connections. Port 0 means any free port.
     pub address: SocketAddrV4,
     /// The tracker's name.
     pub tracker: String,
     /// The number of its sensor.
     pub sensor: i32,
-    /// The axis that points up in what it sends.
+    /// The axis that points up in its coordinates.
     pub up_axis: UpAxis,
     /// The line to the clients.
     pub line: LineParams,
 }
 
 impl VrpnServerParams {
-    /// A tracker on loopback, at the usual port, z up, over a perfect line.
+    /// Default settings: loopback, the usual port, z up, and a line without delay and losses.
     #[must_use]
     pub fn new(tracker: impl Into<String>) -> Self {
         Self {
@@ -65,7 +65,7 @@ impl VrpnServer {
     /// Starts the server.
     ///
     /// # Errors
-    /// The kernel's, mostly a port that is taken.
+    /// Errors of the kernel: usually the port is in use.
     pub fn start(params: VrpnServerParams) -> io::Result<Self> {
         let listener = TcpListener::bind(params.address)?;
         listener.set_nonblocking(true)?;
@@ -76,14 +76,14 @@ impl VrpnServer {
         Ok(Self { address, publisher })
     }
 
-    /// Where it takes connections.
+    /// The address at which it accepts connections.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Shows a pose; one that is not tracked is not sent, as VRPN cannot say so.
-    /// Never blocks; whether there was room for it.
+    /// Publishes a pose. A pose that is not tracked is not sent, because VRPN cannot mark it. Never blocks. Returns whether
+    /// there was room for the pose.
     pub fn publish(&mut self, publication: Publication) -> bool {
         self.publisher.publish(publication)
     }
@@ -91,22 +91,22 @@ impl VrpnServer {
 
 struct Client {
     stream: TcpStream,
-    /// What came of its cookie.
+    /// The part of its cookie that has arrived.
     cookie: Vec<u8>,
-    /// What it did not take yet.
+    /// Bytes that it has not received yet.
     pending: Vec<u8>,
     sequence: u32,
 }
 
 impl Client {
-    /// Reads what came; whether the client is still there and speaks VRPN.
+    /// Reads what has arrived. Returns whether the client is still connected and speaks VRPN.
     fn read(&mut self) -> bool {
         let mut bytes = [0; 1024];
         loop {
             match self.stream.read(&mut bytes) {
                 Ok(0) => return false,
                 Ok(count) => {
-                    // Behind the cookie nothing that a client says changes what it gets.
+                    // The server ignores everything that a client sends after its cookie.
                     let missing = COOKIE.len() - self.cookie.len();
                     self.cookie.extend_from_slice(&bytes[..count.min(missing)]);
                     let whole: Result<&[u8; COOKIE.len()], _> = self.cookie.as_slice().try_into();
@@ -123,7 +123,7 @@ impl Client {
         self.cookie.len() == COOKIE.len()
     }
 
-    /// Sends a message, now or as soon as it fits; whether the client keeps up.
+    /// Sends a message, now or as soon as it fits. Returns whether the client reads fast enough.
     fn send(&mut self, write: impl FnOnce(&mut [u8], u32) -> usize) -> bool {
         let mut message = [0; vrpn::MAX_MESSAGE];
         let length = write(&mut message, self.sequence);
@@ -188,7 +188,7 @@ impl Worker {
         let (position, quaternion_xyzw) =
             self.params.up_axis.from_world(&publication.position_w, &publication.rotation_wr);
         let pose = TrackerPose { sensor: self.params.sensor, position, quaternion_xyzw };
-        // VRPN stamps are wall-clock times.
+        // The times of VRPN messages are wall-clock times.
         let age = Duration::from_nanos(Monotonic.now().saturating_sub(publication.time));
         let taken = SystemTime::now() - age;
         let time = taken.duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
@@ -201,7 +201,7 @@ impl Worker {
     }
 }
 
-/// Announces the names of the ids; whether the client keeps up.
+/// Announces the names of the ids. Returns whether the client reads fast enough.
 fn introduce(client: &mut Client, tracker: &[u8]) -> bool {
     let names = [
         Description::Sender(CONTROL_SENDER, b"VRPN Control"),

@@ -1,4 +1,4 @@
-//! What a session takes from the packets of its server.
+//! How a session handles the packets of its server.
 
 use tilthex_core::clock_sync::ClockEvent;
 
@@ -10,30 +10,30 @@ use crate::{
     },
 };
 
-/// Names kept for a message.
+/// Number of names that are kept for a message.
 const MAX_NAMES: usize = 64;
 
-/// What the server captures under the name asked for, or what else it captures.
+/// The id of the body with the wanted name, or the names of the other bodies if there is none.
 pub(super) enum Found {
     Body(i32),
     Others(Vec<Vec<u8>>),
 }
 
-/// What became of a frame.
+/// What a frame holds.
 pub(super) enum Taken {
     /// It holds the body.
     Body,
-    /// It holds this many others.
+    /// It holds not the body, but this number of others.
     Others(usize),
-    /// It is laid out otherwise.
+    /// It has an unknown layout.
     Unreadable(Malformed),
 }
 
-/// What an introduction says.
+/// The result of an introduction.
 pub(super) enum Introduction {
-    /// The group that frames are sent to, where they are.
+    /// A server, and the multicast group to which it sends frames, if it uses one.
     Server(Option<[u8; 4]>),
-    /// A version that this client does not read.
+    /// A version that this client cannot read.
     Version(Version),
 }
 
@@ -79,7 +79,7 @@ impl Session {
         }
     }
 
-    /// Hands the body's pose on, where the frame holds it.
+    /// Passes the body's pose to the sink, if the frame holds it.
     pub(super) fn take_frame(&mut self, payload: &[u8]) -> Taken {
         let arrival = now();
         let (frame, version) = match Frame::parse_either(payload, self.version) {
@@ -114,7 +114,7 @@ impl Session {
         Taken::Body
     }
 
-    /// Counts the frames that were lost before this one; false for one that came before.
+    /// Counts the frames that were lost before this one. Returns false if a newer frame has already arrived.
     fn count(&mut self, number: i32) -> bool {
         let ahead = self.newest.map_or(1, |newest| number.wrapping_sub(newest));
         if ahead > 0 {

@@ -1,29 +1,29 @@
-//! Which ports of the server's host are listened to.
+//! The ports of the server's host from which packets are accepted.
 
 use crate::natnet::MessageId;
 
-/// After this time without a frame, s, frames may come from another port: the server may have restarted.
+/// If no frame arrives for this time, s, frames may come from another port, because the server may have restarted.
 const FORGOTTEN: f64 = 1.0;
 
-/// Who sends. Answers come from the port that was asked. NatNet does not say from which port frames come: servers use
-/// their command socket, a socket at the data port, or another one. So frames are taken from one port: the command
-/// port before the data port, and that before the first of all others.
+/// The accepted senders. Answers are accepted from the command port only. NatNet does not specify from which port frames
+/// come: servers use their command port, their data port, or another one. Frames are therefore accepted from one port: the
+/// command port is preferred to the data port, and the data port to all others.
 #[derive(Debug)]
 pub(super) struct Sender {
     command: u16,
-    /// The port that frames come from, and when the last one came, s.
+    /// The port from which frames come, and the time at which the last one arrived, s.
     frames: Option<(u16, f64)>,
     stranger: Option<u16>,
 }
 
 impl Sender {
-    /// For a server whose command port is known.
+    /// The state before the first frame, for a server with a known command port.
     pub(super) fn new(command: u16) -> Self {
         Self { command, frames: None, stranger: None }
     }
 
-    /// Whether a packet that came from a port at a time (s) is the server's, whose data port is known;
-    /// `id` is `None` where it is not readable.
+    /// Whether to accept a packet that came from `port` at the time `now` (s). `data_port` is the server's. `id` is `None`
+    /// if it cannot be read.
     pub(super) fn admits(&mut self, port: u16, id: Option<MessageId>, data_port: u16, now: f64) -> bool {
         let rank = |port| [self.command, data_port].iter().position(|&known| known == port).unwrap_or(2);
         let admitted = match (id, self.frames) {
@@ -80,7 +80,7 @@ mod tests {
                 let admitted = sender.admits(port, frame, DATA, 0.01 * i as f64);
                 assert!(i == 0 || admitted == (port == kept), "{order:?} {i}");
             }
-            // Behind a silence another port may be the server's.
+            // After a silence, frames may come from another port.
             assert!(!sender.admits(50_000, frame, DATA, 3.5));
             assert!(sender.admits(50_000, frame, DATA, 4.5));
         }
