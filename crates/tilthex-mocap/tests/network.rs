@@ -258,7 +258,7 @@ fn nobody_and_somebody_else() {
         }
     });
     let message = refusal(&uri("vrpn", port));
-    assert!(message.contains("something else answers, with `220 mail.example"), "{message}");
+    assert!(message.contains("another program answers, with `220 mail.example"), "{message}");
     assert!(refusal(&uri("vrpn", port)).contains("sends no VRPN greeting"));
 
     let closed = TcpListener::bind(LOOPBACK).unwrap().local_addr().unwrap().port();

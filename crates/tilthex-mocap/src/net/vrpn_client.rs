@@ -111,7 +111,9 @@ impl Session {
                 "the tracker `{tracker}` of {server} has no sensor {sensor}; its sensors that report are {}",
                 self.followed.others.iter().map(i32::to_string).collect::<Vec<_>>().join(", ")
             ),
-            (Some(_), _) => format!("the tracker `{tracker}` of {server} sends no poses: check that its body is tracked"),
+            (Some(_), _) => {
+                format!("the tracker `{tracker}` of {server} sends no poses: check that its body is tracked")
+            }
             (None, _) => {
                 format!("{server} has no tracker named `{tracker}`; it has {}", list(&self.names.others))
             }
