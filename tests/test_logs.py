@@ -87,7 +87,7 @@ def test_one_flipped_bit_is_damage_with_its_place(flight_file, flight, part, bit
     damaged[at] ^= 1 << bit
     flight_file.write_bytes(damaged)
     with pytest.raises(
-        ValueError, match=r"is damaged at byte \d+ \(|is no MCAP file|is damaged at byte \d+: "
+        ValueError, match=r"is damaged at byte \d+ \(|is not an MCAP file|is damaged at byte \d+: "
     ):
         _mcap.read(flight_file)
 

@@ -112,7 +112,7 @@ def sentence(result, status):
     [
         ([], 2, "--port"),
         ([*FLY, "--port", "/dev/no-such-port"], 3, "does not exist"),
-        ([*FLY, "--port", "/dev/null"], 3, "no serial port"),
+        ([*FLY, "--port", "/dev/null"], 3, "is not a serial port"),
         ([*FLY, "--port", "FT0815"], 3, 'serial number "FT0815"'),
         (["--sim", "--config", "no.toml"], 2, "no.toml"),
         (["--sim", "--trajectory", "no.toml"], 2, "no.toml"),
@@ -176,7 +176,7 @@ def test_a_signal_before_the_start_ends_at_once_and_one_in_flight_lands(tmp_path
         time.sleep(1.0)
         process.send_signal(signal.SIGTERM)
         assert process.wait(20) == 130
-        assert "had not started" in process.stderr.read()
+        assert "has not started" in process.stderr.read()
     with started("--sim", "--take-off", "--control", "127.0.0.1:0") as process:
         with tilthex.connect(port=control_port(process)) as flight:
             wait_for(flight, lambda state: state["phase"] == "flying")
@@ -252,7 +252,7 @@ def test_a_pulled_port_in_flight_is_the_links_fault(tmp_path):
             simulated.send_signal(signal.SIGKILL)
             output, error = process.communicate(timeout=30)
     assert process.returncode == 3
-    assert "went away in flight" in error
+    assert "disappeared in flight" in error
     assert (tmp_path / "flight.fault.mcap").exists(), output
 
 

@@ -232,7 +232,7 @@ def test_logs_of_px4(tmp_path, config, truth, newer):
     same(found, truth, 2e-6, FIELDS[:-1])
     np.testing.assert_allclose(found.pose_arrival_time, truth.pose_time + 0.005, atol=2e-6)
     (tmp_path / "f.ulg").write_bytes(b"no such thing")
-    assert "is no log of PX4" in refused(tmp_path / "f.ulg", config)
+    assert "is not a log of PX4" in refused(tmp_path / "f.ulg", config)
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])

@@ -329,7 +329,7 @@ def test_a_pose_topic_is_motion_capture(ros, port, tmp_path):  # noqa: F811
             said = ""
             while "poses are still forwarded" not in said:
                 said += bridging.stdout.readline()
-            assert "poses a second" in capture_line(port, "hex", tmp_path)
+            assert "poses per second" in capture_line(port, "hex", tmp_path)
             bridging.send_signal(signal.SIGINT)
             said += bridging.communicate(timeout=20)[0]
     assert bridging.returncode == 130

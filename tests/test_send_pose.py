@@ -33,7 +33,7 @@ def capture_line(port, body, tmp_path):
 def test_the_program_reads_what_the_example_sends(port, tmp_path):
     sender = subprocess.Popen([sys.executable, ROOT / "examples/send_pose.py", f"127.0.0.1:{port}", "hex"])
     try:
-        assert "poses a second" in capture_line(port, "hex", tmp_path)
+        assert "poses per second" in capture_line(port, "hex", tmp_path)
     finally:
         sender.kill()
         sender.wait()

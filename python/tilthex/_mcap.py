@@ -105,7 +105,7 @@ class Log:
         first, last = self.times or (0, 0)
         return (
             f"the log breaks off {(last - first) * 1e-9:.3f} s after its first message, at byte {self.cut} "
-            f"of {size}: what came later is missing (0.5 s at most where the program was killed){left_out}"
+            f"of {size}: the rest is missing (0.5 s at most if the program was killed){left_out}"
         )
 
 
@@ -133,7 +133,7 @@ class Fields:
         try:
             return str(self.take(self.number(4)), "utf-8")
         except UnicodeDecodeError:
-            raise Damaged("a name in it is no text") from None
+            raise Damaged("a name in it is not text") from None
 
     def rest(self) -> int:
         """Number of bytes that are left."""
@@ -165,7 +165,7 @@ def _scan(log: Log, data: memoryview) -> None:
         if len(data) and MAGIC.startswith(bytes(data[: len(MAGIC)])):
             log.cut = 0
             return
-        raise Damaged("is no MCAP file: it does not begin as one")
+        raise Damaged("is not an MCAP file: its first bytes are wrong")
     # A file with a correct end was not cut.
     whole = len(data) > len(MAGIC) and bytes(data[-len(MAGIC) :]) == MAGIC
     at = len(MAGIC)
@@ -177,7 +177,7 @@ def _scan(log: Log, data: memoryview) -> None:
         name = "no record"
         try:
             if rest < _HEAD.size:
-                raise Damaged("the end of the file comes before the log's")
+                raise Damaged("the file ends before the log")
             kind, length = _HEAD.unpack_from(data, at)
             if not 1 <= kind <= len(KINDS):
                 raise Damaged(f"there is no record of kind {kind}")
@@ -186,7 +186,7 @@ def _scan(log: Log, data: memoryview) -> None:
                 raise Damaged("expected the header of the file")
             if length > rest - _HEAD.size:
                 if whole or length > MAX_RECORD:
-                    raise Damaged(f"its length of {length} bytes leads beyond the end of the file")
+                    raise Damaged(f"its length of {length} bytes goes beyond the end of the file")
                 return _cut_at(log, at)
             begin = at + _HEAD.size
             _take(log, kind, data[begin : begin + length], at)
@@ -215,7 +215,7 @@ def _cut_at(log: Log, at: int) -> None:
 def _take(log: Log, kind: int, body: memoryview, at: int) -> None:
     fields = Fields(body)
     if log.data_end is not None and kind in (CHUNK, MESSAGE, ATTACHMENT, METADATA, DATA_END):
-        raise Damaged("it lies behind the end of the data")
+        raise Damaged("it is after the end of the data")
     if kind == HEADER:
         fields.text()
         log.library = fields.text()
@@ -239,7 +239,7 @@ def _take(log: Log, kind: int, body: memoryview, at: int) -> None:
                 else:
                     raise Damaged(f"a record of kind {inner_kind} does not belong there")
         except Damaged as error:
-            raise Damaged(f"behind byte {place} of what it unpacks to, {error}") from None
+            raise Damaged(f"after byte {place} of its unpacked data, {error}") from None
     elif kind == ATTACHMENT:
         fields.take(16)
         name, _, data = fields.text(), fields.text(), fields.take(fields.number(8))
@@ -307,7 +307,7 @@ def _chunk(body: memoryview) -> tuple[int, str, int, memoryview]:
 def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> bytes:
     """Unpacks at most the declared number of bytes, and compares the check sum."""
     if size > MAX_CHUNK:
-        raise Damaged(f"it says that it unpacks to {size} bytes; expected at most {MAX_CHUNK}")
+        raise Damaged(f"it announces {size} unpacked bytes; expected at most {MAX_CHUNK}")
     if compression == "":
         unpacked = bytes(packed)
     elif compression == "lz4":
@@ -318,7 +318,7 @@ def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> 
         raise Damaged(f'it is compressed with "{compression}"; expected lz4 or zstd')
     if len(unpacked) != size:
         more = "more" if len(unpacked) > size else "fewer"
-        raise Damaged(f"it unpacks to {more} than the {size} bytes that it says")
+        raise Damaged(f"it unpacks to {more} than the {size} bytes that it announces")
     # A check sum of 0 means that there is none.
     if check_sum and check_sum != zlib.crc32(unpacked):
         raise Damaged("its check sum does not match")

@@ -95,11 +95,11 @@ class Log:
             if self.missing and self._log.times is None:
                 size = len(self._log.data)
                 raise ValueError(
-                    f"{path} breaks off after {size} bytes, before the configuration that a log begins with: "
+                    f"{path} breaks off after {size} bytes, before the configuration at the begin of a log: "
                     "nothing can be read"
                 )
             raise NotALog(
-                f"{path} is an MCAP file, written by {self._log.library!r}, but no log of tilthex-rt: "
+                f"{path} is an MCAP file, written by {self._log.library!r}, but not a log of tilthex-rt: "
                 "no configuration (config.toml) is attached"
             )
         self.configuration = attached.decode(errors="replace")
@@ -179,7 +179,7 @@ class Log:
                 ) from error
         if found is None:
             raise ValueError(
-                f"{self._path} is no log of tilthex-rt: {channel.topic} holds messages of {name!r} "
+                f"{self._path} is not a log of tilthex-rt: {channel.topic} holds messages of {name!r} "
                 f"({channel.encoding}); expected {expected} (protobuf)"
             )
         decoder: Callable[[bytes], Any] = found

@@ -174,7 +174,7 @@ def _chosen(
     if len(streams) == 1 and streams[0].rows[0] == "line":
         kinds = " or ".join(", ".join(_names(kind)) for kind in needed)
         raise ValueError(f"{streams[0].place} has no column '{lacks[0][0][0]}'; expected {kinds}")
-    no_log = "is no log of tilthex-rt, and " if path.suffix == ".mcap" else ""
+    no_log = "is not a log of tilthex-rt, and " if path.suffix == ".mcap" else ""
     raise ValueError(f"{path} {no_log}holds no {what} with their usual names; it has {_places(streams)}")
 
 

@@ -128,7 +128,7 @@ fn nobody_who_sends_is_one_sentence() {
     assert!(refusal().contains("name a free port"), "{}", refusal());
     drop(taken);
     let message = refusal();
-    assert!(message.contains("no UDP pose of `hex` came from 127.0.0.1"), "{message}");
+    assert!(message.contains("no UDP pose of `hex` arrived from 127.0.0.1"), "{message}");
     assert!(!message.contains('\n'));
 }
 

@@ -1,8 +1,7 @@
-//! The loop: sleep, read what is there, tick, write, hand the record over.
+//! The loop: sleep, read the bytes that have arrived, tick, write, pass the record to the recorder.
 //!
-//! Its thread neither allocates, locks nor logs, and waits on nothing but the
-//! clock. Its system calls are `clock_nanosleep`, `ioctl` (`FIONREAD`), `read` and `write` on the port
-//! (and `clock_gettime`, which the kernel answers without a call).
+//! Its thread neither allocates, locks nor logs, and waits on nothing but the clock. Its system calls are `clock_nanosleep`,
+//! and `ioctl` (`FIONREAD`), `read` and `write` on the port. `clock_gettime` needs no system call.
 
 use std::time::Duration;
 
@@ -25,63 +24,64 @@ use crate::{
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
 };
 
-/// With its port gone in flight, the loop ends after this long: nothing it says reaches anyone, s.
+/// If the port is gone in flight, the loop ends after this time, s, because its commands no longer arrive.
 const LINK_GONE: f64 = 1.0;
 
-/// After a kill the loop repeats the stop for this long, and for this long where a motor still spins, s.
+/// After a kill the loop repeats the stop for the first time, or for the second if a motor still spins, s.
 const KILL_SAID: (f64, f64) = (0.5, 1.0);
 
-/// A start that was broken off is tried again as soon as its reason is gone, unless that takes longer, s.
+/// A start that was broken off is tried again when its reason is gone. If the reason lasts longer than this, s, the start is
+/// refused.
 const REFUSED_FOR_GOOD: f64 = 3.0;
 
 /// How the loop ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum End {
-    /// It flew and landed; the fault that made it land, if any did.
+    /// The vehicle flew and landed. If a fault made it land, this is the fault.
     Landed(Option<Fault>),
-    /// It was interrupted before the flight began.
+    /// The user interrupted it before the flight began.
     Interrupted,
     /// The motors were stopped by the order to kill.
     Killed {
-        /// While the vehicle was in the air.
+        /// Whether the vehicle was in the air.
         in_flight: bool,
     },
-    /// Nobody at the other end says that it is a vehicle.
+    /// No vehicle has identified itself.
     NoVehicle,
     /// The port is gone.
     LinkLost {
-        /// While the vehicle was in the air.
+        /// Whether the vehicle was in the air.
         in_flight: bool,
     },
     /// The start of the motors was refused or broken off.
     Refused(FaultSet, Option<MotorFault>),
-    /// It was not ready to fly in time.
+    /// The vehicle was not ready to fly in time.
     NotReady {
-        /// Why the estimator has not started; `None` where it has, or where no pose came.
+        /// Why the estimator has not started; `None` if it has, or if no pose arrived.
         estimator: Option<StartError>,
         /// Faults that keep the motors from starting.
         faults: FaultSet,
-        /// Whether a usable pose ever came.
+        /// Whether a usable pose has arrived.
         pose_seen: bool,
-        /// Whether the vehicle answered and streamed.
+        /// Whether the vehicle answered and sent its streams.
         link_ready: bool,
-        /// Why the link is not ready, where it knows.
+        /// Why the link is not ready; `None` if it does not know.
         complaint: Option<Complaint>,
     },
 }
 
-/// The conditions under which the loop lands or gives up by itself.
+/// The conditions under which the loop lands, or ends, by itself.
 #[derive(Clone, Copy, Debug)]
 pub struct LoopParams {
-    /// Between two ticks.
+    /// Time between two ticks.
     pub period: Duration,
-    /// Lands this long after take-off, s.
+    /// Time from take-off to landing, s; `None` for no limit.
     pub duration: Option<f64>,
-    /// Lands when the route has been flown.
+    /// Whether to land at the end of the route.
     pub land_after_route: bool,
-    /// An operator whose orders are flown is silent after this long without a word; `None` never.
+    /// An operator whose orders are flown counts as silent after this time without a message; `None` for never.
     pub operator_timeout: Option<Duration>,
-    /// Gives up where the vehicle has not begun to start its motors after this long, s; `None` waits for commands.
+    /// Time in which the vehicle must begin to start its motors, s; `None` to wait for orders without a limit.
     pub patience: Option<f64>,
 }
 
@@ -95,16 +95,16 @@ pub struct ControlLoop {
     pub poses: Consumer<PoseSample>,
     /// Orders.
     pub commands: Consumer<Command>,
-    /// To the recorder.
+    /// The ring to the recorder.
     pub feed: Feed,
-    /// To land, to kill, and whether the operator is there.
+    /// Flags of other threads: to land, to kill, and the time of the operator's last message.
     pub flags: Flags,
-    /// When to end.
+    /// When to land or end.
     pub params: LoopParams,
 }
 
 impl ControlLoop {
-    /// Runs until the flight is over. From here to the return nothing is allocated (`tests/no_alloc.rs`).
+    /// Runs until the flight is over. Does not allocate until it returns (`tests/no_alloc.rs`).
     pub fn run(&mut self) -> End {
         let clock = Monotonic;
         let begin = clock.now();
@@ -128,7 +128,7 @@ impl ControlLoop {
         }
     }
 
-    /// One tick, from the read to the write and the hand-over.
+    /// One tick: reads, flies, writes, and passes on the record.
     fn tick(&mut self, clock: &impl Clock, memory: &mut Memory) {
         let found = self.read(clock, memory);
         memory.now = found as f64 * 1e-9;
@@ -174,7 +174,7 @@ impl ControlLoop {
         self.feed.push(&Tick { complaint, ..Tick::new(&memory.out, memory.timing) });
     }
 
-    /// Reads what is there, and looks again for an inertial sample that is due; when the last look was.
+    /// Reads the bytes that have arrived, and looks again if an inertial sample is due. Returns the time of the last look.
     fn read(&mut self, clock: &impl Clock, memory: &mut Memory) -> Nanos {
         memory.byte_count = 0;
         memory.due = self.linked.link.look(&[]);
@@ -254,7 +254,7 @@ impl ControlLoop {
         }
     }
 
-    /// Turns the vehicle's streams off.
+    /// Ends the conversation with the vehicle.
     fn part(&mut self) {
         let mut out = Outgoing::default();
         self.linked.link.part(&mut out);
@@ -262,7 +262,7 @@ impl ControlLoop {
     }
 }
 
-/// The memory of the loop from tick to tick, all allocated before the first tick.
+/// What the loop keeps from tick to tick. All of it is allocated before the first tick.
 struct Memory {
     bytes: [u8; MAX_BYTES_IN],
     byte_count: usize,
@@ -276,7 +276,7 @@ struct Memory {
     took_off: Option<f64>,
     killed: Option<f64>,
     starting: bool,
-    /// When and why a start was broken off.
+    /// The time at which a start was broken off, and the reason.
     refused: Option<(f64, FaultSet)>,
     pose_seen: bool,
     gone: bool,

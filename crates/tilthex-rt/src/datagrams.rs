@@ -1,5 +1,5 @@
-//! Datagrams instead of a serial line: each is one message of DDS-XRCE. The link gets them framed as on a serial line, so
-//! that the link, its log and a replay know one form only.
+//! Datagrams instead of a serial line. Each is one message of DDS-XRCE. The link gets the messages framed as on a serial line,
+//! so that the link, the log and a replay need only one form.
 
 use std::{
     io::{self, ErrorKind},
@@ -12,24 +12,25 @@ use tilthex_link::px4::{AGENT, CLIENT, Decoder, MAX_MESSAGE, encode};
 
 use crate::port::Written;
 
-/// Another sender can become the peer after the peer has been silent for this long.
+/// If the peer is silent for this time, another sender can become the peer.
 const SILENT: Duration = Duration::from_secs(1);
-/// Largest number of datagrams that one read drops: a flood from other senders must not hold the loop.
+/// Largest number of datagrams that one read drops: a flood from other senders must not delay the loop.
 const DROPPED: usize = 64;
-/// Most bytes of a message as a frame.
+/// Largest length of a framed message, bytes.
 const LONGEST: usize = 2 * MAX_MESSAGE + 13;
 
 /// One end of a conversation in datagrams.
 #[derive(Debug)]
 pub(crate) struct Datagrams {
     socket: UdpSocket,
-    /// The address of the other end, and when a datagram of it last arrived; the client knows the address from the start.
+    /// The address of the other end, and the time at which its newest datagram arrived. The client knows the address from the
+    /// start.
     peer: Option<(SocketAddr, Instant)>,
-    /// Whether this is the agent, whose peer is the first sender.
+    /// Whether this is the agent. The agent's peer is the first sender.
     agent: bool,
-    /// Finds the messages among the bytes to send.
+    /// Finds the messages in the bytes to send.
     sent: Decoder,
-    /// The newest message as a frame, and what of it has not been read.
+    /// The newest message as a frame, and the part of it that has not been read.
     frame: [u8; LONGEST],
     left: std::ops::Range<usize>,
 }
@@ -38,7 +39,7 @@ impl Datagrams {
     /// The agent's end, which listens at an address.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub(crate) fn listen(address: SocketAddr) -> io::Result<Self> {
         Self::new(UdpSocket::bind(address)?, None)
     }
@@ -46,7 +47,7 @@ impl Datagrams {
     /// The client's end of a conversation with the agent at an address.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub(crate) fn to(agent: SocketAddr) -> io::Result<Self> {
         let any: IpAddr =
             if agent.is_ipv4() { Ipv4Addr::UNSPECIFIED.into() } else { Ipv6Addr::UNSPECIFIED.into() };
@@ -65,10 +66,10 @@ impl Datagrams {
         })
     }
 
-    /// The address that it listens at.
+    /// The address at which it listens.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     #[cfg(test)]
     pub(crate) fn address(&self) -> io::Result<SocketAddr> {
         self.socket.local_addr()
@@ -91,14 +92,15 @@ impl Datagrams {
         count
     }
 
-    /// Takes the next datagram of the peer; whether there is one. A datagram that is longer than a message is dropped.
+    /// Takes the next datagram of the peer. Returns whether one has arrived. A datagram that is longer than a message is
+    /// dropped.
     fn receive(&mut self) -> bool {
-        // One byte more shows that a datagram is too long.
+        // With one byte more than the longest message, a datagram that is too long is noticed.
         let mut bytes = [0; MAX_MESSAGE + 1];
         for _ in 0..DROPPED {
             let (length, sender) = match self.socket.recv_from(&mut bytes) {
                 Ok(found) => found,
-                // Nobody listens at the address of the last datagram. The next one is sent all the same.
+                // No program listens at the address of the last datagram. This is not an error: the next one is sent.
                 Err(e) if e.kind() == ErrorKind::ConnectionRefused => continue,
                 Err(_) => return false,
             };
@@ -121,7 +123,7 @@ impl Datagrams {
         false
     }
 
-    /// Sends the messages among `bytes`, a datagram each. Never waits; safe in the loop.
+    /// Sends each message in `bytes` as a datagram. Never waits; safe in the loop.
     pub(crate) fn write(&mut self, bytes: &[u8]) -> Written {
         let Some((peer, _)) = self.peer else { return Written::Whole };
         let mut written = Written::Whole;

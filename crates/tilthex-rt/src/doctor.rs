@@ -22,24 +22,24 @@ use crate::{
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
 };
 
-/// Wake-ups that are measured.
+/// Number of wake-ups that are measured.
 const WAKES: u32 = 1000;
-/// A wake-up later than this is no real-time computer's, ns.
+/// Latest wake-up of a computer that is fit for real time, ns.
 const LATE: Nanos = 500_000;
-/// Bytes that are sent through a terminal, one a period, and how long one is waited for.
+/// Number of bytes that are sent through a terminal, one in each period; and the longest wait for one of them.
 const BYTES: u32 = 500;
 const LONGEST_WAIT: Nanos = 200_000_000;
-/// Bytes that take longer than this, 99.9 % and all of them, ns: a tick late, and as late as an IMU that is silent.
+/// Longest accepted delays of the bytes, ns: of 99.9 % of them (one tick), and of all (then the IMU counts as silent).
 const SLOW_LINE: (Nanos, Nanos) = (2_000_000, 50_000_000);
-/// Between two looks for a byte, ns.
+/// Time between two looks for a byte, ns.
 const LOOK: Nanos = 50_000;
-/// How long capture is listened to.
+/// Time for which the doctor listens to motion capture.
 const LISTEN: Duration = Duration::from_secs(1);
 
 /// The result of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// As it should be.
+    /// Good.
     Good,
     /// A flight is possible, but less good than it could be.
     Fair,
@@ -52,7 +52,7 @@ pub enum Verdict {
 pub struct Check {
     /// The subject of the check.
     pub name: &'static str,
-    /// How it is.
+    /// Its result.
     pub verdict: Verdict,
     /// What was found, and how to correct it.
     pub text: String,
@@ -73,7 +73,7 @@ fn check(name: &'static str, verdict: Verdict, text: impl Into<String>) -> Check
     Check { name, verdict, text: text.into() }
 }
 
-/// Runs every check; those of port and capture only where they are named.
+/// Runs every check. Checks port and motion capture only if they are named.
 #[must_use]
 pub fn examine(config: &Config, port: Option<&str>, demand: Demand) -> Vec<Check> {
     let mut checks = vec![kernel(Path::new("/")), governor(Path::new("/sys"))];
@@ -112,7 +112,7 @@ fn governor(sys: &Path) -> Check {
         .filter(|(_, text)| text.trim() != "performance")
         .collect();
     match slow.first() {
-        None => check("governor", Verdict::Good, "no processor changes its speed on its own account"),
+        None => check("governor", Verdict::Good, "no processor changes its speed by itself"),
         Some((cpu, text)) => check(
             "governor",
             Verdict::Fair,
@@ -124,7 +124,7 @@ fn governor(sys: &Path) -> Check {
     }
 }
 
-/// Asks for the rights in a thread of its own, and there measures how late it wakes.
+/// Asks for the real-time rights in a new thread, and measures how late this thread wakes.
 fn rights_and_wakes(demand: Demand) -> Vec<Check> {
     let measured = std::thread::Builder::new().stack_size(realtime::LOOP_STACK).spawn(move || {
         let rights = realtime::acquire(demand);
@@ -155,20 +155,20 @@ fn clock(sys: &Path) -> Check {
     let source = sys.join("devices/system/clocksource/clocksource0/current_clocksource");
     let source = fs::read_to_string(source).unwrap_or_default();
     match source.trim() {
-        "" => check("clock", Verdict::Fair, "the kernel does not say what its clock is"),
+        "" => check("clock", Verdict::Fair, "the kernel does not name its clock"),
         slow @ ("hpet" | "acpi_pm" | "jiffies") => check(
             "clock",
             Verdict::Bad,
             format!(
-                "{slow} takes long to read: boot with `clocksource=tsc` where the processor's counter is stable"
+                "{slow} takes long to read: boot with `clocksource=tsc` if the processor's counter is stable"
             ),
         ),
         good => check("clock", Verdict::Good, good),
     }
 }
 
-/// How long bytes take through a terminal of the kernel while other threads keep every processor busy: a work queue of
-/// ordinary priority moves them.
+/// Measures the delay of bytes through a terminal of the kernel while other threads keep every processor busy. A work queue
+/// with ordinary priority moves the bytes.
 fn line_delay(demand: Demand) -> Check {
     let busy = AtomicBool::new(true);
     let processors = std::thread::available_parallelism().map_or(1, usize::from);
@@ -185,7 +185,11 @@ fn line_delay(demand: Demand) -> Check {
         delays
     });
     let Ok(Ok(delays)) = delays else {
-        return check("line delay", Verdict::Fair, "no pseudo-terminal can be had to measure it");
+        return check(
+            "line delay",
+            Verdict::Fair,
+            "it cannot be measured: the kernel gives no pseudo-terminal",
+        );
     };
     let text = format!("a byte through the kernel's work queue, beside busy processors: {delays}");
     let (usual, longest) = SLOW_LINE;
@@ -199,9 +203,9 @@ fn line_delay(demand: Demand) -> Check {
     check("line delay", verdict, format!("{text}: {mends}"))
 }
 
-/// From one end of a pseudo-terminal to the other.
+/// The delays from one end of a pseudo-terminal to the other.
 fn delays(demand: Demand) -> Result<Quantiles, crate::Failure> {
-    // What is refused has been said.
+    // Rights that are refused have already been reported.
     let _rights = realtime::acquire(demand);
     let (mut far, path) =
         Port::pseudo_terminal().map_err(|e| crate::Failure::link(format!("no pseudo-terminal: {e}")))?;
@@ -248,7 +252,7 @@ fn capture(config: &Config) -> Check {
             let now = client.status();
             let rate = f64::from(now.poses - before.poses) / LISTEN.as_secs_f64();
             let text = format!(
-                "{rate:.0} poses a second, {:.1} ms old, {} lost, {} untracked",
+                "{rate:.0} poses per second, {:.1} ms old, {} lost, {} untracked",
                 1e3 * now.latency,
                 now.lost - before.lost,
                 now.untracked - before.untracked

@@ -1,4 +1,4 @@
-//! How a program ends: one sentence and an exit status.
+//! How a program ends without success: one sentence and an exit status.
 
 use std::{fmt, process::ExitCode};
 
@@ -8,27 +8,27 @@ use tilthex_sim::SimError;
 
 use crate::output;
 
-/// Why a program ends; decides the exit status.
+/// The kind of reason for which a program ends. It decides the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Usage or configuration: 2.
+    /// Wrong usage or configuration: 2.
     Usage,
-    /// The vehicle's link, motion capture, or the world behind a simulated vehicle: 3.
+    /// The vehicle's link, motion capture, or the world of a simulated vehicle failed: 3.
     Link,
-    /// A fault ended the flight, the vehicle landed: 4.
+    /// A fault ended the flight, and the vehicle landed: 4.
     Fault,
-    /// A log breaks off; everything up to there is good: 5.
+    /// A log breaks off; everything before its end is good: 5.
     Incomplete,
     /// This computer denies what the program needs (a thread, a signal handler, real-time rights, its output): 6.
     Machine,
-    /// Interrupted, the vehicle landed: 130.
+    /// The user interrupted the program, and the vehicle landed: 130.
     Interrupted,
 }
 
 /// An end without success. One sentence: what is wrong, what was found, what was expected, how to correct it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
-    /// Decides the exit status.
+    /// The kind of reason, which decides the exit status.
     pub kind: Kind,
     /// The sentence.
     pub message: String,
@@ -89,7 +89,7 @@ impl From<tilthex_core::Error> for Failure {
     }
 }
 
-/// Of an address that cannot be; a source that does not answer is a failure of the link.
+/// For an address that is wrong. If a source does not answer, use [`Failure::link`].
 impl From<SourceError> for Failure {
     fn from(error: SourceError) -> Self {
         Self::usage(error.to_string())
@@ -120,7 +120,7 @@ pub fn exit(program: &str, result: Result<(), Failure>) -> ExitCode {
     status
 }
 
-/// Reads a program's arguments; help and version are printed, and end it.
+/// Reads a program's arguments. For help and version it prints the text and ends the program.
 ///
 /// # Errors
 /// What is wrong with them, in one line.
@@ -130,10 +130,10 @@ pub fn arguments<T: clap::Parser>() -> Result<T, Failure> {
             e.exit();
         }
         let text = e.to_string();
-        // The first paragraph: what is wrong, and below it the arguments that it is about.
+        // The first paragraph says what is wrong, and names the arguments.
         let paragraph: Vec<_> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
         let line = paragraph.join(" ");
         let line = line.trim_start_matches("error: ");
-        Failure::usage(format!("{line}; --help lists what there is"))
+        Failure::usage(format!("{line}; --help lists all arguments"))
     })
 }

@@ -1,4 +1,4 @@
-//! Flags by which other threads tell the loop what must not wait in a ring: the loop reads them in every tick.
+//! Flags with which other threads tell the loop what must not wait in a ring. The loop reads them in every tick.
 
 use std::sync::{
     Arc,
@@ -7,7 +7,7 @@ use std::sync::{
 
 use crate::sleeper::Nanos;
 
-/// Flags that any thread may set, and that no thread clears.
+/// Flags that any thread can set, and that no thread clears.
 #[derive(Clone, Debug, Default)]
 pub struct Flags {
     /// A signal asks to land, or to end the program before the start.
@@ -29,7 +29,7 @@ impl Flags {
         self.kill.store(true, Relaxed);
     }
 
-    /// The operator, whose orders are flown, was heard at a monotonic time.
+    /// A message of the operator, whose orders the vehicle flies, arrived at a monotonic time.
     pub fn hear(&self, now: Nanos) {
         self.heard.store(now.max(1), Relaxed);
     }
@@ -40,7 +40,7 @@ impl Flags {
         self.interrupted.load(Relaxed) || self.land.load(Relaxed)
     }
 
-    /// Whether the motors shall stop at once.
+    /// Whether the motors must stop at once.
     #[must_use]
     pub fn kills(&self) -> bool {
         self.kill.load(Relaxed)
@@ -73,7 +73,7 @@ mod tests {
         flags.hear(1_000);
         assert!(!flags.operator_silent(1_100, 100));
         assert!(flags.operator_silent(1_101, 100));
-        // A clock that is read before the store is no silence.
+        // A clock that was read before the store does not count as silence.
         assert!(!flags.operator_silent(900, 100));
     }
 

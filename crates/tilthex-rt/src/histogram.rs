@@ -1,28 +1,28 @@
-//! Times of the loop in constant memory.
+//! Histograms of the loop's times, in constant memory.
 
 use hdrhistogram::Histogram as Counts;
 
 use crate::sleeper::Nanos;
 
-/// Longest time that is told apart; longer ones count as this.
+/// Longest time that is distinguished; longer times count as this.
 const LONGEST: Nanos = 60_000_000_000;
 
-/// Counts of times, each within 1 % of its value.
+/// A histogram of times with a resolution of 1 %.
 #[derive(Clone, Debug)]
 pub struct Histogram(Counts<u32>);
 
-/// The figures a histogram is read for, ns.
+/// Quantiles of a histogram, ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Quantiles {
-    /// How many times were recorded.
+    /// Number of recorded times.
     pub count: u64,
-    /// Half of them are at most this.
+    /// Half of the times are at most this.
     pub p50: Nanos,
-    /// 99 % are.
+    /// 99 % of the times are at most this.
     pub p99: Nanos,
-    /// 99.9 % are.
+    /// 99.9 % of the times are at most this.
     pub p999: Nanos,
-    /// All are.
+    /// The longest time.
     pub max: Nanos,
 }
 
@@ -34,12 +34,12 @@ impl Default for Histogram {
 }
 
 impl Histogram {
-    /// Counts one time. Safe in the loop: it neither allocates nor fails.
+    /// Records one time. Safe in the loop: it neither allocates nor fails.
     pub fn record(&mut self, ns: Nanos) {
         self.0.saturating_record(ns);
     }
 
-    /// The figures up to now.
+    /// The quantiles of all times until now.
     #[must_use]
     pub fn quantiles(&self) -> Quantiles {
         Quantiles {

@@ -1,4 +1,4 @@
-//! Keys of the terminal that a flight is watched on: `K` stops the motors at once.
+//! Keys of the terminal in which the program runs: `K` stops the motors at once.
 
 use std::{
     io,
@@ -19,12 +19,12 @@ use rustix::{
 
 use crate::flags::Flags;
 
-/// The key: a capital, which a hasty hand does not hit.
+/// The key that stops the motors: a capital letter, so that nobody presses it by mistake.
 pub(crate) const KILL: u8 = b'K';
-/// The thread looks this often whether it is to end.
+/// Time between two tests of whether the thread must end.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
 
-/// The watch on the terminal's keys. It gives the terminal back when it is dropped.
+/// Reads the terminal's keys. It restores the terminal's settings when it is dropped.
 pub(crate) struct Keys {
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
@@ -32,21 +32,21 @@ pub(crate) struct Keys {
 }
 
 impl Keys {
-    /// Watches, where standard input is a terminal and this program is in its foreground.
+    /// Starts to read keys, if standard input is a terminal and this program is in its foreground.
     pub(crate) fn watch(flags: Flags) -> Option<Self> {
         let terminal = stdin();
         let before = tcgetattr(terminal).ok()?;
         if tcgetpgrp(terminal).ok()? != getpgrp() {
             return None;
         }
-        // Each key as it is struck, and not shown; Ctrl-C and its like stay signals.
+        // Each key is read when it is pressed, and is not shown. Ctrl-C and the like stay signals.
         let mut modes = before.clone();
         modes.local_modes.remove(LocalModes::ICANON | LocalModes::ECHO);
         tcsetattr(terminal, OptionalActions::Now, &modes).ok()?;
         let stop = Arc::new(AtomicBool::new(false));
         let mut keys = Self { stop: Arc::clone(&stop), thread: None, before };
         let read = move || {
-            // A terminal that is gone says nothing more.
+            // After an error the terminal is gone, and no more keys come.
             while !stop.load(Ordering::Relaxed) {
                 if read(&flags).is_err() {
                     return;
@@ -58,7 +58,7 @@ impl Keys {
     }
 }
 
-/// Waits for a moment, and takes what was struck.
+/// Waits for [`LOOK`] at most, and handles the keys that were pressed.
 fn read(flags: &Flags) -> io::Result<()> {
     let mut waiting = [PollFd::from_borrowed_fd(stdin(), PollFlags::IN)];
     if poll(&mut waiting, Some(&LOOK))? == 0 {
@@ -75,7 +75,7 @@ fn read(flags: &Flags) -> io::Result<()> {
 }
 
 fn take(struck: &[u8], flags: &Flags) {
-    // A key alone: a text that is pasted, or the sequence of a cursor key, is no order.
+    // Only this key alone: pasted text and the sequence of a cursor key are not orders.
     if !struck.is_empty() && struck.iter().all(|&key| key == KILL) {
         flags.kill();
     }

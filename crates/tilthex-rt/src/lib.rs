@@ -1,8 +1,8 @@
-//! The real-time side of tilthex: the 500 Hz loop on the base PC, the
-//! simulated vehicle behind a pseudo-terminal, the recorder and the programs.
+//! The real-time part of tilthex: the 500 Hz loop on the base PC, the simulated vehicle behind a pseudo-terminal, the
+//! recorder, and the programs.
 //!
-//! The loop's thread never allocates, locks, logs or waits on anything but the
-//! clock; everything else lives in other threads, joined by wait-free rings.
+//! The loop's thread never allocates, locks, logs or waits on anything but the clock. All other work is done in other
+//! threads, which wait-free rings connect with the loop.
 
 pub mod app;
 pub mod control;

@@ -1,7 +1,7 @@
-//! What a flight says: neither a full disk, a closed pipe nor a reader that stands still can hold it up or end it.
+//! The output of a flight. A full disk, a closed pipe or a reader that does not read can neither delay nor end the flight.
 //!
-//! Lines go through a queue to a thread that writes them. Where the queue is full, they are left out; where nobody
-//! takes them, the end of the program waits for a moment and no longer.
+//! Lines go through a queue to a thread that writes them. If the queue is full, lines are dropped. If nobody reads them, the
+//! program waits for [`PATIENCE`] at its end, and not longer.
 
 use std::{
     io::{IsTerminal, Write, stderr, stdout},
@@ -12,16 +12,16 @@ use std::{
     time::Duration,
 };
 
-/// Lines that may wait. A summary has some twenty.
+/// Number of lines that can wait. A summary has about twenty.
 const QUEUE: usize = 256;
-/// This long is waited at the end for a reader that takes nothing.
+/// Longest wait at the end of the program for a reader that does not read.
 const PATIENCE: Duration = Duration::from_millis(500);
 
 enum Order {
     /// A text to standard output, and one to standard error.
     Out(String),
     Err(String),
-    /// All before it is written: say so.
+    /// Answers when all lines before it are written.
     Settle(SyncSender<()>),
 }
 
@@ -32,7 +32,7 @@ fn writer() -> Option<&'static SyncSender<Order>> {
         let (send, orders) = mpsc::sync_channel(QUEUE);
         let write = move || {
             for order in orders {
-                // What cannot be written is lost, and the flight goes on.
+                // A line that cannot be written is lost, and the flight continues.
                 let _ = match order {
                     Order::Out(text) => {
                         let mut out = stdout().lock();
@@ -53,22 +53,22 @@ fn writer() -> Option<&'static SyncSender<Order>> {
 
 fn order(order: Order) {
     if let Some(writer) = writer() {
-        // A full queue: nobody reads.
+        // The queue is full if nobody reads. The line is then dropped.
         let _ = writer.try_send(order);
     }
 }
 
-/// Writes a line to standard output, sooner or later.
+/// Queues a line for standard output.
 pub(crate) fn line(text: impl std::fmt::Display) {
     order(Order::Out(format!("{text}\n")));
 }
 
-/// Writes a text without an end of line to standard output, sooner or later.
+/// Queues a text without an end of line for standard output.
 pub(crate) fn text(text: String) {
     order(Order::Out(text));
 }
 
-/// Writes a line to standard error, sooner or later.
+/// Queues a line for standard error.
 pub(crate) fn error(text: impl std::fmt::Display) {
     order(Order::Err(format!("{text}\n")));
 }
@@ -78,7 +78,7 @@ pub(crate) fn is_terminal() -> bool {
     stdout().is_terminal()
 }
 
-/// Waits until all is written, or for a moment where nobody takes it.
+/// Waits until all lines are written, for [`PATIENCE`] at most.
 pub(crate) fn settle() {
     let Some(Some(writer)) = WRITER.get() else { return };
     let (done, settled) = mpsc::sync_channel(1);
@@ -97,10 +97,10 @@ pub(crate) fn settle() {
     }
 }
 
-/// Prints the output of a command. A reader that closes the pipe early is no failure.
+/// Prints the output of a command. It is not a failure if the reader closes the pipe early.
 ///
 /// # Errors
-/// Where it cannot be written: a full disk.
+/// If the output cannot be written, for example because the disk is full.
 pub(crate) fn print(text: &str) -> Result<(), crate::Failure> {
     let mut out = stdout().lock();
     match out.write_all(text.as_bytes()).and_then(|()| out.flush()) {
@@ -111,7 +111,7 @@ pub(crate) fn print(text: &str) -> Result<(), crate::Failure> {
     }
 }
 
-/// `println!` for a flight.
+/// `println!` for a flight: see [`line`].
 macro_rules! say {
     ($($argument:tt)*) => { $crate::output::line(format_args!($($argument)*)) };
 }

@@ -1,31 +1,28 @@
-//! Keeps the tick just behind the arrival of the IMU's sample, so that the
-//! command goes out in the tick in which its sample came in.
+//! Keeps the tick just after the arrival of the inertial sample, so that each tick sends the command for a sample that has
+//! just arrived.
 //!
-//! The board has a clock of its own, and the loop waits on nothing but the
-//! host's. So the loop looks at the port when it wakes; where the sample is not
-//! there yet it looks again every [`LOOK`], [`MAX_LOOKS`] times at most. A
-//! sample that was there at once lets the next tick come `CREEP` earlier; one
-//! that was not lets it come one [`LOOK`] later. The tick so follows the
-//! sample at a distance of at most a look, whatever the two clocks do, and one
-//! late sample moves it by no more than that.
+//! The board has its own clock, and the loop waits only on the clock of the host. When the loop wakes, it looks at the port.
+//! If the sample has not arrived, it looks again every [`LOOK`], at most [`MAX_LOOKS`] times. If the first look finds the
+//! sample, the next tick comes `CREEP` earlier; otherwise it comes one [`LOOK`] later. The tick so follows the sample within
+//! one [`LOOK`], even if the two clocks drift, and one late sample moves the tick by one [`LOOK`] only.
 
 use crate::sleeper::Nanos;
 use tilthex_link::InertialDue;
 
-/// Between two looks at the port, ns.
+/// Time between two looks at the port, ns.
 pub const LOOK: Nanos = 50_000;
-/// Looks after the first, before the tick goes on without a sample.
+/// Number of looks after the first. After them the tick continues without a sample.
 pub const MAX_LOOKS: u32 = 10;
-/// How much earlier the next tick comes while samples are there in time, ns.
+/// Time by which the next tick comes earlier if the first look found the sample, ns.
 const CREEP: i64 = 4_000;
 
-/// Whether another look at the port is worth while after `looks` of them.
+/// Whether to look at the port again, after `looks` further looks.
 #[must_use]
 pub fn wants_look(due: InertialDue, looks: u32) -> bool {
     due.is_awaited() && looks < MAX_LOOKS
 }
 
-/// By how much the deadlines after a tick move that looked again `looks` times, ns.
+/// Time by which all later deadlines move, ns, after a tick that looked again `looks` times.
 #[must_use]
 pub fn shift(due: InertialDue, looks: u32) -> i64 {
     match (due.expected, due.arrived, looks) {
@@ -43,8 +40,8 @@ mod tests {
 
     const PERIOD: f64 = 2e6;
 
-    /// Runs the lock against a board whose clock is off by `drift` and jitters
-    /// by up to `jitter` ns; the age of each sample when it is taken, ns.
+    /// The age of each sample when it is read, ns. The board's clock has a relative drift `drift` and a jitter of up to
+    /// `jitter` ns.
     fn ages(drift: f64, jitter: f64, phase: f64, ticks: usize) -> Vec<f64> {
         let mut awaited = Awaited::default();
         let mut random = tilthex_core::random::Random::new(7);

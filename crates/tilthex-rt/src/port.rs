@@ -1,5 +1,4 @@
-//! The serial port: opened exclusively, raw and without delay, then read and
-//! written without ever waiting.
+//! The serial port. It is opened exclusively, in raw mode and without delay. Reads and writes never wait.
 
 use std::{
     fmt, fs, io,
@@ -20,19 +19,19 @@ use serialport::SerialPort;
 
 use crate::{Failure, datagrams::Datagrams, ports, sys};
 
-/// Longest time an adapter may hold bytes back, ms.
+/// Longest time for which an adapter may hold bytes back, ms.
 const LONGEST_LATENCY_MS: u32 = 1;
 
-/// What names a socket in place of a device.
+/// Prefix of a name that is a socket instead of a device.
 pub const SOCKET: &str = "unix:";
-/// What names an address at which datagrams come.
+/// Prefix of a name that is an address for datagrams.
 pub const DATAGRAMS: &str = "udp:";
 
-/// What bytes come and go through.
+/// The two kinds of lines.
 #[derive(Debug)]
 #[allow(clippy::large_enum_variant)] // there is one line in a program
 enum Line {
-    /// A device or a socket that carries bytes.
+    /// A device or a socket that transports bytes.
     Bytes(OwnedFd),
     /// Datagrams of DDS-XRCE.
     Datagrams(Datagrams),
@@ -46,24 +45,24 @@ pub struct Port {
     short_writes: u64,
 }
 
-/// What became of a write.
+/// The result of a write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Written {
-    /// Every byte was taken.
+    /// The line took every byte.
     Whole,
-    /// The line is full; the rest of the frame was dropped and counted.
+    /// The line is full: the rest of the frame was dropped, and this was counted.
     Short,
     /// The other end is gone.
     Gone,
 }
 
 impl Port {
-    /// Opens the device at a path, the USB adapter with a serial number, or the socket of a simulated vehicle, unix:PATH.
-    /// `baud` 0 leaves the speed alone.
+    /// Opens a device by its path or by the serial number of its USB adapter, or the socket of a simulated vehicle
+    /// (`unix:PATH`). With `baud` 0 the speed stays as it is.
     ///
     /// # Errors
-    /// One sentence: no such port, in use, no right, not a terminal, a speed
-    /// it has not, or an adapter that holds bytes back.
+    /// One sentence: the port does not exist, is in use or is not a terminal, the user has no right to open it, it cannot
+    /// have this speed, or its adapter holds bytes back.
     pub fn open(name: &str, baud: u32) -> Result<Self, Failure> {
         if let Some(path) = name.strip_prefix(SOCKET) {
             return Self::connect(Path::new(path));
@@ -75,7 +74,7 @@ impl Port {
         let refuse =
             |what: &str, e: &dyn fmt::Display| Failure::link(format!("{}: {what}: {e}", path.display()));
         let speed = present_speed(&path)?;
-        // The crate has no way to leave the speed alone: what the line has is set again.
+        // The crate cannot leave the speed unchanged. The present speed is therefore set again.
         let speed = if baud > 0 { baud } else { speed };
         let port = serialport::new(path.to_string_lossy(), speed).open_native().map_err(|e| {
             if e.kind() == serialport::ErrorKind::NoDevice {
@@ -85,18 +84,18 @@ impl Port {
             }
         })?;
         port.clear(serialport::ClearBuffer::All).map_err(|e| refuse("cannot be flushed", &e))?;
-        // The loop keeps the bare descriptor: the crate's reads and writes wait, in `poll` and in the kernel.
+        // The loop uses the bare descriptor, because the crate's reads and writes wait in `poll` and in the kernel.
         let fd = sys::descriptor(port);
         rustix::fs::fcntl_setfl(&fd, OFlags::NONBLOCK)
             .map_err(|e| refuse("cannot be read without waiting", &e))?;
-        // The crate knows neither of these. Drivers without the flag hold nothing back; those that do show it in
-        // latency_timer.
+        // The crate offers neither of these two. A driver without the flag does not hold bytes back; one that does shows
+        // it in latency_timer.
         let _ = sys::set_low_latency(fd.as_fd());
         check_latency(&path, Path::new("/sys"))?;
         Ok(Self { line: Line::Bytes(fd), path, short_writes: 0 })
     }
 
-    /// The line to a simulated vehicle that listens at a socket: no terminal, and no work queue of one.
+    /// Connects to a simulated vehicle that listens at a socket. Bytes then do not pass through a terminal's work queue.
     fn connect(path: &Path) -> Result<Self, Failure> {
         let stream = UnixStream::connect(path).map_err(|e| {
             Failure::link(format!(
@@ -107,20 +106,20 @@ impl Port {
         Self::of_stream(stream, path).map_err(|e| Failure::link(format!("{}: {e}", path.display())))
     }
 
-    /// Either end of such a line.
+    /// A port on one end of a connected socket.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn of_stream(stream: UnixStream, path: &Path) -> io::Result<Self> {
         stream.set_nonblocking(true)?;
         Ok(Self { line: Line::Bytes(stream.into()), path: path.into(), short_writes: 0 })
     }
 
-    /// Datagrams that come to an address.
+    /// Receives datagrams at an address.
     fn listen(address: &str) -> Result<Self, Failure> {
         let refuse = |e: &dyn fmt::Display| {
             Failure::link(format!(
-                "no datagrams can come to {address}: {e}; name an address of this computer and a free port"
+                "no datagrams can be received at {address}: {e}; name an address of this computer and a free port"
             ))
         };
         let line = Datagrams::listen(address.parse().map_err(|e| refuse(&e))?).map_err(|e| refuse(&e))?;
@@ -131,20 +130,20 @@ impl Port {
         })
     }
 
-    /// Datagrams to and from the agent at an address, for a simulated vehicle.
+    /// Exchanges datagrams with the agent at an address, for a simulated vehicle.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn to_agent(agent: SocketAddr) -> io::Result<Self> {
         let line = Line::Datagrams(Datagrams::to(agent)?);
         Ok(Self { line, path: format!("{DATAGRAMS}{agent}").into(), short_writes: 0 })
     }
 
-    /// A pseudo-terminal: its controlling side, and the path of the other.
-    /// `serialport` makes pairs only, of which it locks both ends; a program that is to open the other end needs it free.
+    /// A pseudo-terminal: its controlling end, and the path of its other end. `serialport` can only create a pair with both
+    /// ends locked, and another program could not open the other end.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn pseudo_terminal() -> io::Result<(Self, PathBuf)> {
         use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
         let fd = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC)?;
@@ -159,11 +158,12 @@ impl Port {
         Ok((Self { line: Line::Bytes(fd), path: path.clone(), short_writes: 0 }, path))
     }
 
-    /// Reads what has come, at most `buffer`; `None` when the other end is gone. Never waits; safe in the loop.
+    /// Reads the bytes that have arrived, at most as many as `buffer` holds. Returns `None` if the other end is gone. Never
+    /// waits; safe in the loop.
     ///
-    /// A `read` of a terminal that has no input waits in the kernel, non-blocking or not, until the
-    /// work queue that moves its bytes has run (`n_tty_read`, `tty_buffer_flush_work`), at ordinary
-    /// priority: up to a second beside other load. So the port first asks the kernel how many bytes there are.
+    /// A `read` of a terminal without input waits in the kernel, even if it is non-blocking, until the work queue that moves
+    /// the bytes has run (`n_tty_read`, `tty_buffer_flush_work`). The queue has ordinary priority, so that this takes up to a
+    /// second beside other load. The port therefore asks the kernel first how many bytes have arrived.
     pub fn read(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let fd = match &mut self.line {
             Line::Bytes(fd) => fd,
@@ -202,13 +202,13 @@ impl Port {
         }
     }
 
-    /// Writes that the line did not take whole.
+    /// Number of writes of which the line took only a part.
     #[must_use]
     pub fn short_writes(&self) -> u64 {
         self.short_writes
     }
 
-    /// The device.
+    /// The path of the device.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
@@ -224,13 +224,13 @@ impl AsFd for Port {
     }
 }
 
-/// The speed that a terminal has now; 38400 where it has none that is a number.
+/// The present speed of a terminal; 38400 if the speed is not a number.
 fn present_speed(path: &Path) -> Result<u32, Failure> {
     let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
     let fd = rustix::fs::open(path, flags, Mode::empty()).map_err(|e| ports::cannot_open(path, e))?;
     if !rustix::termios::isatty(&fd) {
         return Err(Failure::link(format!(
-            "{} is no serial port; expected a terminal device such as /dev/ttyUSB0",
+            "{} is not a serial port; expected a terminal device such as /dev/ttyUSB0",
             path.display()
         )));
     }
@@ -239,7 +239,7 @@ fn present_speed(path: &Path) -> Result<u32, Failure> {
     Ok(Some(settings.output_speed()).filter(|speed| *speed > 0).unwrap_or(38_400))
 }
 
-/// The delay of an FTDI adapter, ms, where the device has one.
+/// The delay of an FTDI adapter, ms, and the file that sets it; `None` for other devices.
 pub(crate) fn latency_timer(path: &Path, sys: &Path) -> Option<(PathBuf, u32)> {
     let device = fs::canonicalize(path).ok()?;
     let file = sys.join("class/tty").join(device.file_name()?).join("device/latency_timer");
@@ -296,7 +296,7 @@ mod tests {
         assert_eq!(slave.short_writes(), 1);
     }
 
-    /// Calls of `read` that this thread has made.
+    /// Number of calls of `read` by this thread.
     fn reads() -> u64 {
         let counts = fs::read_to_string("/proc/thread-self/io").expect("a kernel that counts");
         let line = counts.lines().find_map(|line| line.strip_prefix("syscr: ")).expect("counted");
@@ -356,7 +356,7 @@ mod tests {
         let message = |name: &str| Port::open(name, 0).expect_err("cannot be opened").message;
         assert!(message(path).contains("in use"), "{}", message(path));
         assert!(message("/dev/no-such-port").contains("does not exist"));
-        assert!(message("/dev/null").contains("no serial port"));
+        assert!(message("/dev/null").contains("is not a serial port"));
         assert!(message("FT-NOT-THERE").contains("\"FT-NOT-THERE\""));
     }
 

@@ -1,4 +1,4 @@
-//! Which serial ports there are, and what a name stands for.
+//! The list of serial ports, and the port that a name denotes.
 
 use std::path::{Path, PathBuf};
 
@@ -7,12 +7,12 @@ use serialport::{SerialPortInfo, SerialPortType};
 
 use crate::Failure;
 
-/// The serial ports of this computer; none where the kernel tells nothing.
+/// The serial ports of this computer. Empty if the kernel does not list them.
 pub(crate) fn there() -> Vec<SerialPortInfo> {
     serialport::available_ports().unwrap_or_default()
 }
 
-/// The device a name stands for: a path, or the serial number of a USB adapter.
+/// The device that a name denotes. A name is a path, or the serial number of a USB adapter.
 pub(crate) fn resolve(name: &str, ports: &[SerialPortInfo]) -> Result<PathBuf, Failure> {
     if name.contains('/') {
         return Ok(PathBuf::from(name));
@@ -31,7 +31,7 @@ pub(crate) fn resolve(name: &str, ports: &[SerialPortInfo]) -> Result<PathBuf, F
     }
 }
 
-/// Why a port did not open, and what mends it.
+/// Why a port could not be opened, and how to correct it.
 pub(crate) fn cannot_open(path: &Path, e: Errno) -> Failure {
     let path = path.display();
     Failure::link(match e {
@@ -40,7 +40,7 @@ pub(crate) fn cannot_open(path: &Path, e: Errno) -> Failure {
             listed(&there())
         ),
         Errno::ACCESS => format!(
-            "{path} may not be opened by this user: join its group with `sudo usermod -aG dialout $USER` and log in again"
+            "this user has no right to open {path}: join its group with `sudo usermod -aG dialout $USER` and log in again"
         ),
         Errno::BUSY => {
             format!("{path} is in use by another program: end it first (`fuser -v {path}` names it)")
@@ -49,7 +49,7 @@ pub(crate) fn cannot_open(path: &Path, e: Errno) -> Failure {
     })
 }
 
-/// The ports in a few words: device, product, serial number.
+/// Lists the ports in a sentence: device, product, serial number.
 fn listed(ports: &[SerialPortInfo]) -> String {
     let describe = |port: &SerialPortInfo| match &port.port_type {
         SerialPortType::UsbPort(usb) => {

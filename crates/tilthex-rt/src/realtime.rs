@@ -1,4 +1,4 @@
-//! The rights that make the loop punctual: requested once, before the loop starts.
+//! Real-time rights, which make the loop punctual. They are requested once, before the loop starts.
 
 use std::{
     fs::{self, File, OpenOptions},
@@ -14,38 +14,37 @@ use rustix::{
 
 use crate::{Failure, sys};
 
-/// What to do where the machine refuses a right.
+/// What to do if the computer refuses a right.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Demand {
-    /// Do not fly.
+    /// Do not fly without every right.
     Require,
     /// Warn and fly.
     Prefer,
-    /// Ask for none.
+    /// Do not ask for rights.
     Off,
 }
 
-/// How much of the stack is touched before the loop starts, bytes.
+/// Part of the stack that is touched before the loop starts, bytes.
 pub const TOUCHED_STACK: usize = 1024 * 1024;
 
-/// Stack of the loop's thread, bytes: what is touched and as much again.
+/// Stack of the loop's thread, bytes: twice the part that is touched.
 pub const LOOP_STACK: usize = 2 * TOUCHED_STACK;
 
-/// What was granted, held as long as the loop runs.
+/// The rights that were granted. They must be kept while the loop runs.
 #[derive(Debug, Default)]
 pub struct Rights {
-    /// One sentence for each right that was refused, with what mends it.
+    /// One sentence for each right that was refused, which says how to grant it.
     pub warnings: Vec<String>,
-    /// Keeps the processor out of deep sleep while it is kept, where the machine offers that.
+    /// While this file is open, the processor does not sleep deeply. `None` if the computer does not offer it.
     pub held: Option<File>,
 }
 
-/// Asks for the rights of a real-time thread, for the calling thread:
-/// `SCHED_FIFO` in the middle of its range, memory locked, one processor, no
-/// deep sleep; and touches its stack.
+/// Asks for real-time rights for the calling thread: `SCHED_FIFO` in the middle of its range, locked memory, one processor,
+/// and no deep sleep. Also touches its stack.
 ///
 /// # Errors
-/// On [`Demand::Require`], the first refusal.
+/// With [`Demand::Require`], the first right that was refused.
 pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     let mut rights = Rights::default();
     if demand == Demand::Off {
@@ -67,7 +66,7 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     if let Err(e) = pin() {
         refused("a processor of its own (affinity)", &e);
     }
-    // What SCHED_FIFO has anyway; without it a sleep may end 50 us late on purpose.
+    // Without this, the kernel may end a sleep up to 50 us late on purpose. SCHED_FIFO does not need it.
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     touch_stack();
     rights.held = stay_awake();
@@ -77,15 +76,15 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     }
 }
 
-/// Asks for a little more than an ordinary thread has, for threads that stand
-/// in for hardware: no timer slack, `SCHED_FIFO` below the loop where it is granted.
+/// Asks for a part of these rights, for threads that simulate hardware: no timer slack, and `SCHED_FIFO` with a lower
+/// priority than the loop. It is not an error if they are refused.
 pub fn acquire_helper() {
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     let _ = sys::set_fifo(-1);
 }
 
-/// Binds the calling thread to an isolated processor, otherwise to the last
-/// one it may use, since interrupts gather on the first.
+/// Binds the calling thread to an isolated processor. If there is none, to the last processor that it may use, because most
+/// interrupts arrive at the first.
 fn pin() -> rustix::io::Result<()> {
     let allowed = sched_getaffinity(None)?;
     let usable = |cpu: &usize| allowed.is_set(*cpu);
@@ -121,7 +120,7 @@ fn touch_stack() {
     black_box(&pages);
 }
 
-/// Where the machine offers it, asks for zero wake-up latency; what `cyclictest` does too.
+/// Asks for zero wake-up latency, if the computer offers it. `cyclictest` does the same.
 fn stay_awake() -> Option<File> {
     let mut file = OpenOptions::new().write(true).open("/dev/cpu_dma_latency").ok()?;
     file.write_all(&0_i32.to_ne_bytes()).ok()?;

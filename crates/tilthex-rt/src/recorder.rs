@@ -1,4 +1,4 @@
-//! From the loop to the file: a wait-free ring, and a thread that encodes.
+//! The recorder: a wait-free ring takes the records of the loop, and a thread encodes them and writes the log.
 
 use std::{
     fs::File,
@@ -25,20 +25,20 @@ use crate::{
     summary::Statistics,
 };
 
-/// Truths the ring holds.
+/// Number of truths that the ring can hold.
 const TRUTH_RING: usize = 256;
-/// Time between two looks of the recorder.
+/// Time between two looks of the recorder at its rings.
 const LOOK: Duration = Duration::from_millis(10);
-/// Time between two flushes of the file, s: what a killed program may lose.
+/// Time between two flushes of the file, s. A program that is killed loses at most this.
 const FLUSH: f64 = 0.5;
 
 /// The simulation's end of its ring.
 pub type TruthFeed = Producer<(f64, Truth)>;
 
-/// What the recorder is told by threads other than the loop.
+/// A message to the recorder from a thread that is not the loop.
 #[derive(Clone, Debug)]
 enum Note {
-    /// An order, at a monotonic time (s), and whether it went past the ring.
+    /// An order, its monotonic time (s), and whether it was urgent: it reached the loop by a flag, not through the ring.
     Command(f64, String, bool),
 }
 
@@ -49,14 +49,14 @@ struct Shared {
     latest: Mutex<Latest>,
 }
 
-/// The newest that the recorder has seen.
+/// The newest data that the recorder has read.
 #[derive(Clone, Debug, Default)]
 pub struct Latest {
     /// The newest tick.
     pub tick: Option<Tick>,
     /// The newest truth of the simulated vehicle.
     pub truth: Option<Truth>,
-    /// Figures over the flight.
+    /// Statistics of the flight.
     pub statistics: Statistics,
     /// Ticks that did not fit into the ring.
     pub dropped: u64,
@@ -66,7 +66,7 @@ pub struct Latest {
     pub error: Option<String>,
 }
 
-/// A handle on the recorder for threads other than the loop.
+/// Access to the recorder for threads other than the loop.
 #[derive(Clone, Debug)]
 pub struct Observer {
     shared: Arc<Shared>,
@@ -74,7 +74,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// The newest that the recorder has seen.
+    /// A copy of the newest data.
     #[must_use]
     pub fn latest(&self) -> Latest {
         let mut latest = lock(&self.shared.latest).clone();
@@ -82,14 +82,14 @@ impl Observer {
         latest
     }
 
-    /// Looks at the newest that the recorder has seen, without a copy of it all.
+    /// Calls `see` with the newest data, without a copy.
     pub fn look<T>(&self, see: impl FnOnce(&Latest) -> T) -> T {
         see(&lock(&self.shared.latest))
     }
 
-    /// Logs an order that was handed to the loop at a monotonic time (s), through the ring or, urgent, past it.
+    /// Logs an order that was passed to the loop at a monotonic time (s): through the ring or, if urgent, by a flag.
     pub fn command(&self, time: f64, json: String, urgent: bool) {
-        // Without a recorder there is no log to write it to.
+        // If the recorder has ended, no log is left to write to.
         let _ = self.notes.send(Note::Command(time, json, urgent));
     }
 }
@@ -98,14 +98,14 @@ fn lock(latest: &Mutex<Latest>) -> MutexGuard<'_, Latest> {
     latest.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What is recorded, and where.
+/// Settings of the recorder.
 #[derive(Debug)]
 pub struct RecorderParams {
     /// The log, if one is wanted.
     pub log: Option<LogFile>,
-    /// Where the last seconds go after a fault; beside it where the name is taken.
+    /// File for the last seconds after a fault. If it exists, a number is added to the name.
     pub black_box: PathBuf,
-    /// What the log is attached.
+    /// Attachments of the log.
     pub attachments: Attachments,
     /// Number of rotors of the vehicle.
     pub rotor_count: usize,
@@ -119,21 +119,21 @@ pub struct Recorder {
     thread: JoinHandle<Left>,
 }
 
-/// What the thread leaves.
+/// What the thread returns at its end.
 #[derive(Debug, Default)]
 struct Left {
     black_box: Option<PathBuf>,
     moved: bool,
 }
 
-/// What the recorder leaves.
+/// What the recorder returns at its end.
 #[derive(Clone, Debug, Default)]
 pub struct Recorded {
-    /// The last of [`Observer::latest`].
+    /// The last data of [`Observer::latest`].
     pub latest: Latest,
-    /// The flight recorder's file, where a fault made it write one.
+    /// The file with the last seconds, if a fault occurred.
     pub black_box: Option<PathBuf>,
-    /// The log is no longer under its name: somebody has moved or replaced it.
+    /// Whether the log's file was moved or replaced during the flight.
     pub moved: bool,
 }
 
@@ -141,7 +141,7 @@ impl Recorder {
     /// Begins the log and starts the thread.
     ///
     /// # Errors
-    /// One sentence, where the log cannot be written.
+    /// One sentence, if the log cannot be written.
     pub fn start(params: RecorderParams) -> Result<(Self, Feed, TruthFeed), Failure> {
         let epoch = Epoch::now();
         let log = match &params.log {
@@ -178,13 +178,13 @@ impl Recorder {
         Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
     }
 
-    /// A handle for threads other than the loop.
+    /// Access for threads other than the loop.
     #[must_use]
     pub fn observer(&self) -> Observer {
         Observer { shared: Arc::clone(&self.shared), notes: self.notes.clone() }
     }
 
-    /// Writes what is left, ends the log and the thread.
+    /// Writes what is still in the rings, then ends the log and the thread.
     #[must_use]
     pub fn finish(self) -> Recorded {
         let observer = self.observer();
@@ -208,7 +208,7 @@ struct Worker {
 impl Worker {
     fn run(mut self) -> Left {
         loop {
-            // Read before the rings: what was pushed before it was set is seen below.
+            // Read before the rings, so that everything that was pushed before `stop` was set is read below.
             let last = self.shared.stop.load(Ordering::Acquire);
             self.drain();
             if last {
@@ -239,12 +239,12 @@ impl Worker {
         Ok(path)
     }
 
-    /// A log without a name is gone when the program ends.
+    /// Reports a log whose file was deleted: it would be lost at the end of the program.
     fn look_for_file(&mut self) {
         if let (Some(file), true) = (&self.params.log, self.log.is_some())
             && file.whereabouts() == Whereabouts::Deleted
         {
-            self.lose(&std::io::Error::other("somebody has deleted it").into());
+            self.lose(&std::io::Error::other("its file was deleted").into());
         }
     }
 
@@ -255,7 +255,7 @@ impl Worker {
         }
         while let Ok((time, truth)) = self.truths.pop() {
             self.write(|log| log.truth(time, &truth));
-            // Memory takes everything.
+            // A write to memory does not fail.
             let _ = self.black_box.truth(time, &truth);
             let mut latest = lock(&self.shared.latest);
             latest.statistics.truth(&truth);
@@ -284,7 +284,7 @@ impl Worker {
         }
     }
 
-    /// The flight goes on without a log; the loop is told, and people at the end.
+    /// Ends the log after an error. The flight continues without it. The loop is told now, the user at the end.
     fn lose(&mut self, e: &McapError) {
         self.log = None;
         self.shared.fate.lost.store(true, Ordering::Relaxed);
@@ -292,7 +292,7 @@ impl Worker {
     }
 }
 
-/// What lies at the bottom of an error: the reason, not the call that met it.
+/// The first cause of an error, without the calls that passed it on.
 fn root<'a>(error: &'a (dyn std::error::Error + 'static)) -> &'a (dyn std::error::Error + 'static) {
     std::iter::successors(Some(error), |e| e.source()).last().unwrap_or(error)
 }

@@ -1,5 +1,4 @@
-//! A thread that does nothing but sleep as the loop does: the periods it
-//! loses are the machine's doing, not the loop's.
+//! A thread that only sleeps, in the same way as the loop. If it loses periods, the computer is the cause, not the loop.
 
 use std::{
     sync::{
@@ -16,12 +15,12 @@ use crate::{
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
 };
 
-/// What the sleeping thread met.
+/// What the sleeping thread measured.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Slept {
-    /// Begin after the deadline.
+    /// Time from the deadline to the wake-up.
     pub wake: Quantiles,
-    /// Periods it had to skip.
+    /// Number of periods that it skipped.
     pub skipped: u64,
 }
 
@@ -33,10 +32,10 @@ pub struct Reference {
 }
 
 impl Reference {
-    /// Starts sleeping, with the rights of the loop and half a period beside it.
+    /// Starts the thread. It has the rights of the loop, and its deadlines lie half a period after the loop's.
     ///
     /// # Errors
-    /// Where no thread can be started.
+    /// If no thread can be started.
     pub fn start(period: Duration, demand: Demand) -> std::io::Result<Self> {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
@@ -44,7 +43,7 @@ impl Reference {
             .name("reference".into())
             .stack_size(realtime::LOOP_STACK)
             .spawn(move || {
-                // The loop has said what is refused.
+                // The loop has already reported the rights that were refused.
                 let _rights = realtime::acquire(demand);
                 let mut sleeper = Sleeper::new(period, Monotonic.now() + period.as_nanos() as Nanos * 3 / 2);
                 let (mut wakes, mut skipped) = (Histogram::default(), 0);
@@ -58,7 +57,7 @@ impl Reference {
         Ok(Self { stop, thread })
     }
 
-    /// Ends it; what it met.
+    /// Ends the thread and returns what it measured.
     #[must_use]
     pub fn stop(self) -> Slept {
         self.stop.store(true, Ordering::Relaxed);

@@ -15,23 +15,23 @@ use crate::{
     log::{Channel, LogReader, messages as m, schema, tick_messages},
 };
 
-/// What a replay found.
+/// The result of a replay.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Replay {
-    /// Ticks that were run again.
+    /// Number of ticks that were run again.
     pub ticks: u64,
-    /// Messages that were compared.
+    /// Number of messages that were compared.
     pub messages: u64,
-    /// The first that came out otherwise: tick and topic.
+    /// The first message that differs: its tick and its topic.
     pub first_difference: Option<(u64, String)>,
-    /// What is missing of a log that breaks off, as a sentence.
+    /// A sentence that says what is missing, if the log breaks off.
     pub missing: Option<String>,
 }
 
 /// Replays a log file.
 ///
 /// # Errors
-/// One sentence, where it is no log of a flight, or not a complete one.
+/// One sentence, if it is not a log of a flight, or ticks are missing.
 pub fn file(path: &Path) -> Result<Replay, Failure> {
     let replayed = LogReader::open(path).and_then(|log| replay(&log));
     replayed.map_err(|e| Failure::usage(format!("{} {e}", path.display())))
@@ -40,11 +40,11 @@ pub fn file(path: &Path) -> Result<Replay, Failure> {
 /// Replays a log.
 ///
 /// # Errors
-/// What follows the log's name in a sentence, where it is no log of a flight, or ticks are missing within it.
+/// If it is not a log of a flight, or ticks are missing: the part of a sentence that follows the log's name.
 pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let attachments = log.attachments();
     let set_up =
-        |e: &dyn std::fmt::Display| format!("has a configuration that this version does not take: {e}");
+        |e: &dyn std::fmt::Display| format!("has a configuration that this version cannot read: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
     let limits = config.mission().limits();
@@ -79,7 +79,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
     }
 }
 
-/// Refuses somebody else's channel under a name of ours.
+/// Refuses a channel that has a name of tilthex-rt but another schema.
 fn check(channel: &Channel) -> Result<(), String> {
     let message = match channel.topic.as_str() {
         "/input" => "Input",
@@ -92,7 +92,7 @@ fn check(channel: &Channel) -> Result<(), String> {
         return Ok(());
     }
     Err(format!(
-        "is no log of tilthex-rt: {} holds messages of \"{}\" ({}); expected {expected} (protobuf)",
+        "is not a log of tilthex-rt: {} holds messages of \"{}\" ({}); expected {expected} (protobuf)",
         channel.topic,
         channel.schema.escape_debug(),
         channel.encoding.escape_debug()
@@ -118,7 +118,7 @@ impl Replayer {
             return;
         }
         self.recorded.push((topic.into(), data.into()));
-        // The output is logged last.
+        // The output is the last message of a tick.
         if topic == "/output"
             && let Err(reason) = self.tick()
         {

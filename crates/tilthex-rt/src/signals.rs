@@ -1,4 +1,4 @@
-//! What each signal does to a flight: it lands the vehicle, or nothing. None drops it.
+//! The reaction of a flight to each signal: the vehicle lands, or the signal is ignored. No signal lets it fall.
 
 use std::{
     os::raw::c_int,
@@ -12,7 +12,7 @@ use signal_hook::consts::{
 
 use crate::{Failure, sys};
 
-/// What a signal does to a flight.
+/// The reaction of a flight to a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Reaction {
     Land,
@@ -21,8 +21,8 @@ enum Reaction {
 
 use Reaction::{Ignore, Land};
 
-/// Every signal that would end or stop a program that does not say otherwise, and can be told otherwise; but for those
-/// of the program's own errors (SIGSEGV, SIGABRT and the like). docs/loop.md shows this table; a test compares the two.
+/// Every signal that by default ends or stops a program, and that can be handled. The signals of the program's own errors
+/// (SIGSEGV, SIGABRT and the like) are left out. docs/loop.md shows this table; a test compares the two.
 const TABLE: &[(c_int, &str, Reaction)] = &[
     (SIGINT, "SIGINT", Land),
     (SIGTERM, "SIGTERM", Land),
@@ -44,14 +44,13 @@ const TABLE: &[(c_int, &str, Reaction)] = &[
     (libc::SIGSTKFLT, "SIGSTKFLT", Ignore),
 ];
 
-/// Those that end a program in which nothing flies.
+/// The signals that end a program in which no vehicle flies.
 const ENDING: [c_int; 3] = [SIGINT, SIGTERM, SIGHUP];
 
-/// Has each signal of the table, and every real-time signal, do to a flight what the table says: those that land set
-/// the flag.
+/// Installs the reactions of the table, and ignores every real-time signal. A signal that lands sets `land`.
 ///
 /// # Errors
-/// Where the kernel refuses a handler.
+/// If the kernel refuses a handler.
 pub(crate) fn land_or_ignore(land: &Arc<AtomicBool>) -> Result<(), Failure> {
     for &(signal, name, reaction) in TABLE {
         match reaction {
@@ -67,10 +66,10 @@ pub(crate) fn land_or_ignore(land: &Arc<AtomicBool>) -> Result<(), Failure> {
     Ok(())
 }
 
-/// A flag that a signal sets which ends a program.
+/// A flag that is set by the signals that end a program.
 ///
 /// # Errors
-/// Where the kernel refuses a handler.
+/// If the kernel refuses a handler.
 pub(crate) fn flag() -> Result<Arc<AtomicBool>, Failure> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in ENDING {
@@ -102,7 +101,7 @@ mod tests {
 
     #[test]
     fn every_signal_that_drops_a_program_is_in_the_table() {
-        // SIGKILL and SIGSTOP cannot be; errors of the program are its end; these do nothing unasked.
+        // SIGKILL and SIGSTOP cannot be handled. Errors of the program end it. The others do nothing by default.
         let left_out = [libc::SIGKILL, libc::SIGSTOP]
             .into_iter()
             .chain([

@@ -1,4 +1,4 @@
-//! The program `tilthex-sim`: the simulated vehicle alone, for anyone's controller.
+//! The program `tilthex-sim`: the simulated vehicle alone, for any controller.
 
 use std::{
     fs,
@@ -42,31 +42,32 @@ pub struct Args {
     #[arg(long, value_name = "PATH")]
     pub link: Option<PathBuf>,
 
-    /// Listen at this Unix socket, too: `tilthex-rt --port unix:PATH` connects there, and no terminal is between them
+    /// Listen at this Unix socket too: `tilthex-rt --port unix:PATH` connects there, without a terminal between the two
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
 
-    /// What the vehicle speaks, tk3 or px4 [default: the configuration's]
+    /// Protocol of the vehicle's link, tk3 or px4 [default: the configuration's]
     #[arg(long, value_name = "LINK")]
     pub protocol: Option<String>,
 
-    /// With px4: the address at which tilthex-rt --port px4+udp://:PORT listens; in place of the pseudo-terminal
+    /// With px4: send datagrams to this address, at which tilthex-rt --port px4+udp://:PORT listens, instead of using
+    /// the pseudo-terminal
     #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "socket")]
     pub udp: Option<SocketAddr>,
 
-    /// Show the vehicle's pose, such as natnet://127.0.0.1/TILTHEX or vrpn://127.0.0.1/TILTHEX
+    /// Serve the vehicle's pose at this address, such as natnet://127.0.0.1/TILTHEX or vrpn://127.0.0.1/TILTHEX
     #[arg(long, value_name = "URI")]
     pub mocap: Option<MocapUri>,
 
-    /// Time from the exposure of the cameras to the sending of the frame, s [default: the world's, or 0.008]
+    /// Time from the exposure of the cameras to the sending of a pose, s [default: the world's, or 0.008]
     #[arg(long, value_name = "S")]
     pub mocap_latency: Option<f64>,
 
-    /// Largest random time that is added to it, s [default: the world's, or 0]
+    /// Largest random time that is added to --mocap-latency, s [default: the world's, or 0]
     #[arg(long, value_name = "S")]
     pub mocap_jitter: Option<f64>,
 
-    /// Share of the frames that are lost, 0 to 1
+    /// Part of the poses that are lost, 0 to 1
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     pub mocap_loss: f64,
 
@@ -113,7 +114,7 @@ pub fn run() -> Result<(), Failure> {
         None => config,
     };
     if args.udp.is_some() && config.link().kind()? != LinkKind::Px4 {
-        return Err(Failure::usage("--udp is for px4 alone; expected --protocol px4 beside it"));
+        return Err(Failure::usage("--udp is for px4 only; expected --protocol px4 with it"));
     }
     let server = start(&args, &config)?;
     let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
@@ -126,28 +127,28 @@ pub fn run() -> Result<(), Failure> {
     }
     let report = server.stop();
     if let Some(socket) = &args.socket {
-        // It may be gone already.
+        // It may have been removed already.
         let _ = fs::remove_file(socket);
     }
     if report.imu_to_command.count > 0 {
         say!("IMU byte out of vehicle to command in  {}", report.imu_to_command);
     }
-    say!("the simulated vehicle is behind the clock by {}", report.lag);
+    say!("the simulated vehicle lags behind the clock by {}", report.lag);
     report.failure.map_or(Ok(()), Err)
 }
 
-/// One changed key.
+/// A table that changes one key of the configuration.
 fn changed(section: &str, key: &str, value: &str) -> Table {
     Table::from_iter([(section.into(), Value::Table(Table::from_iter([(key.into(), value.into())])))])
 }
 
-/// The vehicle on its own flat ground, or in a world.
+/// Starts the vehicle on flat ground, or in a world.
 fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let Some(experiment) = &args.world else {
         let truth = TruthSection::named(&args.truth);
         let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
         let drawn = drawn?;
-        // `[truth.delays]` has the mean of a uniform latency and half its width; a line its smallest and its width.
+        // `[truth.delays]` has the mean and half the width of a uniform latency; a line has its smallest value and its width.
         let half = drawn.delays.pose_jitter.unwrap_or(0.0);
         let line = ((drawn.delays.pose.unwrap_or(0.008 + half) - half).max(0.0), 2.0 * half);
         let mut params = SimulationParams::of(&drawn)?;
@@ -189,8 +190,8 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     }
 }
 
-/// Puts it behind a pseudo-terminal and before the cameras, which look once in `every` cycles and whose line has
-/// a latency and a jitter (s) unless told otherwise.
+/// Connects the simulation with a pseudo-terminal and with motion capture. The cameras take a pose every `every` cycles;
+/// their line has the given default latency and jitter (s).
 fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
     args: &Args,
     config: &Config,
@@ -225,35 +226,35 @@ fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }
 
-/// Listens at a socket; one that a killed program left is replaced, a file is not.
+/// Listens at a socket. Replaces a socket that a killed program left, but never a file.
 fn listen(path: &Path) -> Result<UnixListener, Failure> {
     if fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket())
         && UnixStream::connect(path).is_err()
     {
-        // Whether it went shows in the next call.
+        // If this fails, the next call fails.
         let _ = fs::remove_file(path);
     }
     UnixListener::bind(path).map_err(|e| {
         Failure::usage(format!(
-            "{} cannot be a socket: {e}; name a place that is free with --socket",
+            "{} cannot be a socket: {e}; name a path that does not exist with --socket",
             path.display()
         ))
     })
 }
 
-/// A symbolic link that goes when the program does.
+/// A symbolic link that is removed when the program ends.
 struct Link(PathBuf);
 
 impl Link {
-    /// Links `path` to `target`; a link that a killed program left is replaced, a file is not.
+    /// Links `path` to `target`. Replaces a link that a killed program left, but never a file.
     fn new(path: &Path, target: &Path) -> Result<Self, Failure> {
         if fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
-            // Whether it went shows in the next call.
+            // If this fails, the next call fails.
             let _ = fs::remove_file(path);
         }
         symlink(target, path).map_err(|e| {
             Failure::usage(format!(
-                "{} cannot be linked to the pseudo-terminal: {e}; name a place that is free with --link",
+                "{} cannot be linked to the pseudo-terminal: {e}; name a path that does not exist with --link",
                 path.display()
             ))
         })?;

@@ -1,5 +1,5 @@
-//! When the loop runs: absolute deadlines on one clock. A period that is
-//! missed is skipped whole and counted, and the phase is kept.
+//! The loop's deadlines: absolute times of one clock. A period that is missed is skipped and counted; the phase of the
+//! deadlines stays.
 
 use std::time::Duration;
 
@@ -9,23 +9,23 @@ pub use tilthex_mocap::net::{Clock, Monotonic};
 /// One wake-up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Wake {
-    /// When the tick was due.
+    /// Time at which the tick was due.
     pub deadline: Nanos,
-    /// When it began.
+    /// Time at which the tick began.
     pub woke: Nanos,
-    /// Whole periods that were skipped before it.
+    /// Number of periods that were skipped before it.
     pub skipped: u64,
 }
 
 impl Wake {
-    /// How late the tick began, ns.
+    /// Time from the deadline to the begin of the tick, ns.
     #[must_use]
     pub fn latency(&self) -> Nanos {
         self.woke.saturating_sub(self.deadline)
     }
 }
 
-/// A sleeping policy: a grid of deadlines one period apart.
+/// Sleeps until the next deadline of a grid with a constant period.
 #[derive(Clone, Copy, Debug)]
 pub struct Sleeper {
     period: Nanos,
@@ -33,14 +33,14 @@ pub struct Sleeper {
 }
 
 impl Sleeper {
-    /// Deadlines `first`, `first + period`, ...; a period below one microsecond counts as one.
+    /// Deadlines `first`, `first + period`, and so on. A period below 1 us counts as 1 us.
     #[must_use]
     pub fn new(period: Duration, first: Nanos) -> Self {
         Self { period: (period.as_nanos() as u64).max(1000), next: first }
     }
 
-    /// Waits for the next deadline. Where it has already passed, the periods
-    /// that cannot be met any more are skipped. Safe in the loop.
+    /// Waits for the next deadline. If it has already passed, skips all periods whose deadlines have passed. Safe in the
+    /// loop.
     pub fn wait(&mut self, clock: &impl Clock) -> Wake {
         let late = clock.now().saturating_sub(self.next);
         let skipped = late.div_ceil(self.period);
@@ -50,7 +50,7 @@ impl Sleeper {
         Wake { deadline, woke: clock.now(), skipped }
     }
 
-    /// Moves the grid: all later deadlines come `ns` later, or earlier where it is negative.
+    /// Moves all later deadlines by `ns`: later if it is positive, earlier if it is negative.
     pub fn shift(&mut self, ns: i64) {
         self.next = self.next.saturating_add_signed(ns);
     }
@@ -62,7 +62,7 @@ mod tests {
     use proptest::prelude::*;
     use std::cell::Cell;
 
-    /// A clock that moves when it is told to.
+    /// A clock that the test moves.
     struct Virtual(Cell<Nanos>);
 
     impl Clock for Virtual {
@@ -92,7 +92,7 @@ mod tests {
                 periods += 1;
                 prop_assert!(wake.woke >= wake.deadline);
                 if let Some(last) = last_start {
-                    // A tick that fits in its period skips none; one that does not loses the whole periods it took.
+                    // A tick that is shorter than its period skips no period. A longer tick skips the periods that it took.
                     let taken: Nanos = last;
                     prop_assert_eq!(wake.skipped, taken.saturating_sub(PERIOD).div_ceil(PERIOD));
                 }

@@ -1,4 +1,4 @@
-//! Figures over a flight, gathered by the recorder in constant memory.
+//! Statistics of a flight. The recorder collects them in constant memory.
 
 use tilthex_core::{
     Vector3,
@@ -10,9 +10,9 @@ use tilthex_sim::{Truth, feed::Tick};
 
 use crate::histogram::{Histogram, Quantiles};
 
-/// A steady push is judged by the mean over its last second.
+/// Time over which the deflection of a steady push is averaged: its last part, s.
 const SETTLED: f64 = 1.0;
-/// A push is steady when it has lasted this long, s.
+/// A push counts as steady after this time, s.
 const STEADY: f64 = 5.0;
 
 /// Mean square and peak of a deviation.
@@ -31,23 +31,23 @@ impl Deviation {
         self.max = self.max.max(value);
     }
 
-    /// Root mean square; zero where nothing was seen.
+    /// Root mean square; zero without samples.
     #[must_use]
     pub fn rms(&self) -> f64 {
         if self.count == 0 { 0.0 } else { (self.sum / self.count as f64).sqrt() }
     }
 }
 
-/// How far a steady push has moved the tool.
+/// The displacement of the tool by a steady push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Deflection {
     /// The true push, N, world.
     pub force_w: Vector3,
-    /// True tool position less the set-point, m, mean over the last second of the push.
+    /// True tool position minus set-point, m: mean over the last second of the push.
     pub tool_w: Vector3,
 }
 
-/// The push that lasts now.
+/// The push that acts now.
 #[derive(Clone, Copy, Debug)]
 struct Steady {
     force_w: Vector3,
@@ -57,36 +57,37 @@ struct Steady {
     updated: f64,
 }
 
-/// Figures over a flight.
+/// Statistics of a flight.
 #[derive(Clone, Debug, Default)]
 pub struct Statistics {
-    /// Ticks.
+    /// Number of ticks.
     pub ticks: u64,
-    /// Whole periods that were skipped.
+    /// Number of periods that were skipped.
     pub skipped: u64,
-    /// Ticks that found an inertial sample.
+    /// Number of ticks with an inertial sample.
     pub with_imu: u64,
-    /// Begin after the deadline.
+    /// From the deadline to the begin of the tick.
     pub wake: Histogram,
-    /// Begin to the end of the write.
+    /// From the begin of the tick to the end of its write.
     pub compute: Histogram,
-    /// Between two begins.
+    /// From the begin of a tick to the begin of the next one.
     pub period: Histogram,
-    /// The IMU's bytes found to the command written.
+    /// From the moment at which the inertial sample's bytes were found to the end of the command's write.
     pub imu_to_command: Histogram,
-    /// Position error of the robot while flying, m.
+    /// Position error of the robot while it flies, m.
     pub tracking: Deviation,
-    /// Estimated less true tool force while contact is felt, N.
+    /// Estimated minus true tool force while contact moves the reference, N.
     pub force: Deviation,
     /// The last steady push.
     pub deflection: Option<Deflection>,
     /// Estimated latency of poses in flight, s.
     pub latency: Deviation,
-    /// For how long each part of the wanted wrench was the most important one given up, flying or holding, s.
+    /// Time for which each part of the wanted wrench was the most important part that was given up, while the vehicle flew
+    /// or held, s.
     pub given_up: Vec<(Priority, f64)>,
-    /// Faults there have been in flight.
+    /// Faults that occurred in flight.
     pub faults: FaultSet,
-    /// The loop was in flight.
+    /// Whether the vehicle has flown.
     pub flew: bool,
     /// The last text from the vehicle.
     pub last_text: Option<String>,
@@ -96,7 +97,7 @@ pub struct Statistics {
 }
 
 impl Statistics {
-    /// Takes in a tick.
+    /// Adds a tick.
     pub fn tick(&mut self, tick: &Tick) {
         let (record, timing) = (&tick.record, &tick.timing);
         self.ticks += 1;
@@ -158,19 +159,19 @@ impl Statistics {
         }
     }
 
-    /// Takes in what is true of the simulated vehicle.
+    /// Keeps the true state of the simulated vehicle.
     pub fn truth(&mut self, truth: &Truth) {
         self.truth = Some(*truth);
     }
 
-    /// Whether the flight was ended by a fault, not by its operator.
+    /// Whether a fault ended the flight, not its operator.
     #[must_use]
     pub fn ended_by_fault(&self) -> bool {
         use tilthex_core::supervisor::{Fault, Reaction};
         self.landing_for.rows().any(|row| row.fault != Fault::Operator && row.in_flight >= Reaction::Land)
     }
 
-    /// Wake-up, compute, period and IMU to command.
+    /// The quantiles of the four times, with their names.
     #[must_use]
     pub fn times(&self) -> [(&'static str, Quantiles); 4] {
         [

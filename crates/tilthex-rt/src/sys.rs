@@ -1,4 +1,4 @@
-//! The few system calls that no safe library wraps.
+//! System calls for which no safe library exists.
 #![allow(unsafe_code)]
 
 use std::{
@@ -7,12 +7,12 @@ use std::{
     os::fd::{AsRawFd, BorrowedFd, FromRawFd, IntoRawFd, OwnedFd},
 };
 
-/// Gives the calling thread the policy `SCHED_FIFO`, `offset` away from the middle of its range.
+/// Gives the calling thread the policy `SCHED_FIFO`. Its priority is the middle of the range plus `offset`.
 ///
 /// # Errors
-/// The kernel's, mostly a missing right.
+/// Errors of the kernel, usually a missing right.
 pub(crate) fn set_fifo(offset: i32) -> io::Result<()> {
-    // SAFETY: the calls take plain integers and a pointer to a live, initialised structure.
+    // SAFETY: the arguments are integers and a pointer to an initialised structure that lives during the call.
     let status = unsafe {
         let mut parameter: libc::sched_param = mem::zeroed();
         let (low, high) =
@@ -23,21 +23,21 @@ pub(crate) fn set_fifo(offset: i32) -> io::Result<()> {
     if status == 0 { Ok(()) } else { Err(io::Error::last_os_error()) }
 }
 
-/// Has the program ignore a signal.
+/// Makes the program ignore a signal.
 ///
 /// # Errors
-/// The kernel's.
+/// Errors of the kernel.
 pub(crate) fn ignore(signal: libc::c_int) -> io::Result<()> {
-    // SAFETY: `SIG_IGN` is a disposition that every signal takes but those that the kernel refuses.
+    // SAFETY: `SIG_IGN` is valid for every signal. The kernel returns an error for those that it does not allow.
     match unsafe { libc::signal(signal, libc::SIG_IGN) } {
         libc::SIG_ERR => Err(io::Error::last_os_error()),
         _ => Ok(()),
     }
 }
 
-/// The descriptor of an open port, which then is the only owner of it.
+/// The descriptor of an open port. It becomes the only owner of the port.
 pub(crate) fn descriptor(port: serialport::TTYPort) -> OwnedFd {
-    // SAFETY: `into_raw_fd` gives up the port's own descriptor, which is open and belongs to nobody else.
+    // SAFETY: `into_raw_fd` gives up the port's own descriptor, which is open and has no other owner.
     unsafe { OwnedFd::from_raw_fd(port.into_raw_fd()) }
 }
 
@@ -66,13 +66,13 @@ struct SerialStruct {
 
 const ASYNC_LOW_LATENCY: libc::c_int = 1 << 13;
 
-/// Asks a serial driver to hand each byte on at once.
+/// Asks a serial driver to pass on each byte at once.
 ///
 /// # Errors
-/// The kernel's; `ENOTTY` and `EINVAL` where the driver knows no such thing.
+/// Errors of the kernel: `ENOTTY` and `EINVAL` if the driver does not support it.
 pub(crate) fn set_low_latency(port: BorrowedFd<'_>) -> io::Result<()> {
     let mut serial = MaybeUninit::<SerialStruct>::zeroed();
-    // SAFETY: both calls are given a live structure of the layout they expect; all-zero is a valid one.
+    // SAFETY: both calls get a structure that lives during the call and has the expected layout. All zeros are valid.
     let status = unsafe {
         if libc::ioctl(port.as_raw_fd(), libc::TIOCGSERIAL, serial.as_mut_ptr()) != 0 {
             return Err(io::Error::last_os_error());

@@ -1,4 +1,4 @@
-//! What `--port` names: a device, or a URI that also says what is spoken there.
+//! The argument of `--port`: a device, or a URI that also names the link's protocol.
 
 use std::net::{Ipv4Addr, SocketAddr};
 
@@ -9,19 +9,19 @@ use crate::{
     port::{DATAGRAMS, SOCKET},
 };
 
-/// Where the vehicle is, and what the name says of its line.
+/// The vehicle's port, and what its name says about the line.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct VehicleUri {
-    /// What [`crate::port::Port::open`] opens.
+    /// The name for [`crate::port::Port::open`].
     pub name: String,
-    /// What is spoken there.
+    /// The link; `None` if the configuration decides.
     pub link: Option<LinkKind>,
-    /// The speed of the line, bits/s.
+    /// The speed of the line, bits/s; `None` if the configuration decides.
     pub baud: Option<u32>,
 }
 
 impl VehicleUri {
-    /// Reads a device's name, `px4://DEVICE[?baud=N]` or `px4+udp://[ADDRESS]:PORT`.
+    /// Reads the name of a device, `px4://DEVICE[?baud=N]` or `px4+udp://[ADDRESS]:PORT`.
     ///
     /// # Errors
     /// One sentence.

@@ -108,7 +108,7 @@ fn a_log_cut_at_any_byte_is_read_as_far_as_it_goes_and_says_what_is_missing() {
             // Before the first whole tick.
             Err(reason) => {
                 assert_eq!(last, 0, "cut at {cut}: {reason}");
-                assert!(reason.contains("breaks off") || reason.contains("no MCAP file"), "{reason}");
+                assert!(reason.contains("breaks off") || reason.contains("not an MCAP file"), "{reason}");
             }
         }
     }
@@ -137,7 +137,7 @@ proptest! {
         bytes[at] ^= 1 << bit;
         let reason = LogReader::new(bytes).expect_err("damaged");
         prop_assert!(
-            reason.contains("is damaged at byte") || (at < 8 && reason.contains("no MCAP file")),
+            reason.contains("is damaged at byte") || (at < 8 && reason.contains("not an MCAP file")),
             "bit {bit} of byte {at}: {reason}"
         );
     }
@@ -235,12 +235,15 @@ fn somebody_elses_file_is_one_sentence() {
     writer.finish().expect("ends");
     drop(writer);
     let reason = replayed(&bytes.into_inner()).expect_err("refused");
-    assert!(reason.contains("written by \"someone\"") && reason.contains("no log of tilthex-rt"), "{reason}");
+    assert!(
+        reason.contains("written by \"someone\"") && reason.contains("not a log of tilthex-rt"),
+        "{reason}"
+    );
     for (what, bytes) in
         [("nothing", &b""[..]), ("a text", b"no log at all"), ("an archive", b"PK\x03\x04....")]
     {
         let reason = replayed(bytes).expect_err(what);
-        assert!(reason.contains("no MCAP file"), "{what}: {reason}");
+        assert!(reason.contains("not an MCAP file"), "{what}: {reason}");
     }
 }
 

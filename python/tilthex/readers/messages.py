@@ -36,7 +36,7 @@ def read_mcap(path: Path) -> list[Stream]:
     if not streams:
         what = ", ".join(unread) if unread else "no topic at all"
         raise ValueError(
-            f"{path} is no log of tilthex-rt, and holds {what}; "
+            f"{path} is not a log of tilthex-rt, and holds {what}; "
             "expected messages in JSON, protobuf or ROS 2's cdr"
         )
     return streams

@@ -16,21 +16,21 @@ from tilthex.ros2.poses import PoseSender
 from tilthex.ros2.pulse import Pulse
 
 USAGE, LINK, INTERRUPTED = 2, 3, 130
-"""Exit status: wrong usage or configuration; the connection broke; interrupted. As of the Rust programs."""
+"""Exit status, as of `tilthex-rt`: wrong usage or configuration; the connection broke; interrupted."""
 AGAIN = 0.2
-"""Between two looks for the flight, s."""
+"""Time between two attempts to connect to the flight, s."""
 
 
 def main() -> int:
-    """Bridges until the flight ends, or the bridge is told to."""
+    """Runs the bridge until the flight ends or the bridge is stopped. Returns the exit status."""
     try:
         import rclpy
         from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
         from rclpy.utilities import remove_ros_args
     except ModuleNotFoundError as error:
         return _failed(
-            f"ROS 2 is not here ({error}); source its setup.bash, or install its wheels:"
-            " docs/howto/ros2.md names them",
+            f"ROS 2 was not found ({error}); source its setup.bash, or install the wheels that"
+            " docs/howto/ros2.md names",
             USAGE,
         )
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
@@ -66,7 +66,7 @@ def _failed(sentence: str, status: int) -> int:
 
 
 def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float) -> int:
-    """Waits for a flight and bridges it; the exit status."""
+    """Waits for a flight and bridges it. Returns the exit status."""
     from tilthex.ros2.bridge import Bridge
 
     try:
@@ -75,7 +75,7 @@ def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float
             return INTERRUPTED
         with pilot, connection() as watcher:
             bridge = Bridge(node, pilot, watcher, rate)
-            node.get_logger().info("bridges the flight")
+            node.get_logger().info("connected to the flight")
             executor.spin_until_future_complete(bridge.ended)
             if not bridge.ended.done():
                 return INTERRUPTED
@@ -90,7 +90,7 @@ def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float
 
 
 def _wait(node: Any, executor: Any, connection: Callable[[], Flight]) -> Flight | None:
-    """The flight, when it is there. Poses are forwarded meanwhile: tilthex-rt does not start without them."""
+    """Waits for a flight; None if ROS ends before. Forwards poses meanwhile: tilthex-rt needs them."""
     told = False
     while node.context.ok():
         try:
@@ -113,7 +113,7 @@ def _forward_poses(node: Any, topic: str, sender: PoseSender) -> None:
     def forward(received: Any) -> None:
         try:
             sender.send(received, node.get_clock().now().nanoseconds)
-        # A network that fails for a moment must not end the bridge.
+        # A short failure of the network must not end the bridge.
         except (ValueError, OSError) as error:
             node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
 
@@ -126,19 +126,22 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="python -m tilthex.ros2", description=__doc__)
     _control.add_options(parser)
     parser.add_argument(
-        "--rate", type=float, default=100.0, help="states a second, 0.1 to 100 Hz; default: %(default)s"
+        "--rate", type=float, default=100.0, help="states per second, 0.1 to 100 Hz; default: %(default)s"
     )
     parser.add_argument(
-        "--pose-topic", metavar="TOPIC", help="PoseStamped topic to send as poses of motion capture"
+        "--pose-topic", metavar="TOPIC", help="PoseStamped topic that is sent to tilthex-rt as motion capture"
     )
     parser.add_argument(
         "--pose-to",
         default="127.0.0.1",
         metavar="HOST[:PORT]",
-        help="the computer of tilthex-rt --mocap udp://...; default: %(default)s",
+        help="computer on which tilthex-rt --mocap udp://... runs; default: %(default)s",
     )
     parser.add_argument(
-        "--pose-body", default="hex", metavar="NAME", help="the body in that URI; default: %(default)s"
+        "--pose-body",
+        default="hex",
+        metavar="NAME",
+        help="name of the body in that URI; default: %(default)s",
     )
     return parser
 

@@ -16,7 +16,7 @@ from tilthex.ros2.outputs import Outputs
 from tilthex.ros2.parameters import Parameter
 
 REFRESH = 1.0
-"""Between two looks at the configuration, s: other clients change it too."""
+"""Time between two reads of the configuration, s: other clients can change it too."""
 GRACE = 3.0
 """Longest time from the end of the orders to that of the states, if the flight has ended, s."""
 
@@ -25,15 +25,15 @@ class Bridge:
     """A flight as the node's topics, services and parameters.
 
     Args:
-        node: The node; its executor obeys what it receives.
+        node: The node. Its executor executes the orders that it receives.
         pilot: A connection for orders.
-        watcher: Another, for states.
-        rate: States a second, 0.1 to 100 Hz.
+        watcher: Another connection, for states.
+        rate: States per second, 0.1 to 100 Hz.
     """
 
     def __init__(self, node: Any, pilot: Flight, watcher: Flight, rate: float) -> None:
         self.ended: Any = Future()
-        """Done when the flight has ended; an exception where its connection broke."""
+        """Done when the flight has ended; holds an exception if the connection broke."""
         self._node, self._pilot, self._watcher, self._rate = node, pilot, watcher, rate
         self._states = 0
         text = pilot.configuration()
@@ -47,7 +47,7 @@ class Bridge:
         threading.Thread(target=self._watch, name="tilthex-states", daemon=True).start()
 
     def counts(self) -> dict[str, int]:
-        """What the bridge has done, for the diagnostics."""
+        """Counters of the bridge, for the diagnostics."""
         return {
             "states published": self._states,
             "set-points taken": self._inputs.setpoints,
@@ -63,7 +63,7 @@ class Bridge:
             self._outputs.finish()
             if not self.ended.done():
                 self.ended.set_result(None)
-        # A bridge that publishes no states must not go on as the operator, whatever the error is.
+        # After any error the bridge must end: without states it must not stay the operator.
         except Exception as error:
             self._fail(error)
 
@@ -72,9 +72,9 @@ class Bridge:
             self.ended.set_exception(error)
 
     def _lose(self, error: OSError) -> None:
-        """The connection for orders is broken, and the bridge is no longer the operator.
+        """Reacts to the end of the connection for orders: the bridge is no longer the operator.
 
-        If this is the end of the flight, the end of the states decides.
+        If the flight has ended, the states end too within `GRACE`, and this is not an error.
         """
         self._pilot.close()
         if self._lost is None:
@@ -87,16 +87,16 @@ class Bridge:
             self._lose(error)
 
     def _declare(self) -> None:
-        """Every key as a parameter.
+        """Declares every key as a parameter.
 
         Raises:
-            ValueError: The node was started with another value of a key that the flight does not change.
+            ValueError: The node was started with another value of a key that no order changes.
         """
         from rcl_interfaces.msg import ParameterDescriptor
 
         wanted = {}
         for name, key in self._parameters.items():
-            # A number may be given as an integer: the flight checks values.
+            # A number may be given as an integer. The flight checks the values.
             described = ParameterDescriptor(
                 description=key.meaning, read_only=not key.live, dynamic_typing=key.live
             )
@@ -115,7 +115,7 @@ class Bridge:
         self._node.add_on_set_parameters_callback(self._set)
 
     def _set(self, changed: list[Any]) -> Any:
-        """Orders changed keys, all in one order."""
+        """Sends all changed keys in one order."""
         from rcl_interfaces.msg import SetParametersResult
 
         wanted = {
@@ -141,7 +141,7 @@ class Bridge:
             self._parameters[name] = Parameter(name, value, old.meaning, old.live)
 
     def _refresh(self) -> None:
-        """Takes what others have changed."""
+        """Updates the parameters that other clients have changed."""
         from rclpy.parameter import Parameter as RosParameter
 
         text = self._pilot.configuration()

@@ -6,16 +6,17 @@ from collections.abc import Callable
 from typing import Any
 
 DRIFT = 1e-4
-"""Fastest that the two clocks part, s/s; far more than the crystals of computers do."""
+"""Largest relative drift of the two clocks, s/s; much more than that of real computers."""
 JUMP = 1_000_000_000
-"""A clock that is set by this much, ns, has jumped; messages are not this late."""
+"""If the difference of the clocks changes by this or more, ns, a clock was set; no message is so late."""
 
 
 class FlightClock:
     """Converts times of the flight: its monotonic clock, on this computer or another, in s.
 
-    A state arrives late, never early. So the smallest difference between arrival and time is nearest to that
-    of the clocks; the error is the shortest way of a message. Stamps increase, unless ROS's clock is set.
+    A state arrives late, never early. The smallest difference between arrival and time is therefore closest
+    to the difference of the clocks; the error is the shortest delay of a message. Stamps increase, unless the
+    clock of ROS is set.
     """
 
     def __init__(self) -> None:
@@ -24,7 +25,7 @@ class FlightClock:
         self._last = 0
 
     def stamp(self, time: float, now: int) -> int:
-        """The time of a state on the clock of ROS, ns; `now`: when it arrived, on that clock, ns."""
+        """The time of a state on the clock of ROS, ns. `now` is its arrival on that clock, ns."""
         seen = now - round(time * 1e9)
         if self._offset is None or abs(seen - self._offset) >= JUMP:
             self._offset, self._last = seen, 0
@@ -36,7 +37,7 @@ class FlightClock:
 
 
 def timer(node: Any, period: float, call: Callable[[], object]) -> Any:
-    """A timer of a node, period in s, on the steady clock: the clock of ROS may be set, or stand still."""
+    """A timer of a node, period in s, on the steady clock, because the clock of ROS may be set or stopped."""
     from rclpy.clock import Clock, ClockType
 
     return node.create_timer(period, call, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -8,25 +8,25 @@ from typing import Any
 from tilthex._logged import State
 
 NAME = "tilthex: flight"
-"""Of the status."""
+"""Name of the status."""
 ALARMING = ("landing", "emergency")
-"""Phases that are an error where a fault lasts."""
+"""Phases in which an active fault is an error."""
 
 
 def level(state: State) -> int:
-    """0: as it should be; 1: a fault lasts, or it holds, or a rotor is at its limit; 2: a fault lands it."""
+    """0: good; 1: a fault is active, the vehicle holds, or a rotor is at its limit; 2: a fault lands it."""
     if state["faults"] and state["phase"] in ALARMING:
         return 2
     return int(bool(state["faults"]) or state["phase"] == "holding" or state["saturated"])
 
 
 def message(state: State) -> str:
-    """The phase, and the faults that last."""
+    """The phase, and the active faults."""
     return ": ".join([state["phase"], ", ".join(state["faults"])] if state["faults"] else [state["phase"]])
 
 
 def values(state: State, counts: Mapping[str, int]) -> dict[str, str]:
-    """What the status lists, with units in the names; `counts`: of the bridge."""
+    """The values of the status, with units in the names. `counts` are the counters of the bridge."""
     battery, age, latency = state["battery"], state["pose_age"], state["latency"]
     return {
         "phase": state["phase"],
@@ -50,7 +50,7 @@ def _number(value: float | None) -> str:
 
 
 def status(make: Any, state: State, counts: Mapping[str, int]) -> Any:
-    """The status; `make(kind, *fields)` makes a message of its fields in their order."""
+    """The status. `make(kind, *fields)` makes a message from its fields in their order."""
     listed = [make("diagnostic_msgs/msg/KeyValue", *pair) for pair in values(state, counts).items()]
     return make(
         "diagnostic_msgs/msg/DiagnosticStatus",

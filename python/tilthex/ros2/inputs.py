@@ -1,4 +1,4 @@
-"""What the bridge takes: topics and services that are orders to the flight."""
+"""The inputs of the bridge: topics and services that are orders to the flight."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from tilthex.ros2 import orders
 from tilthex.ros2.types import message
 
 DEPTH = 100
-"""Messages that wait while an order is given: one second's of set-points."""
+"""Number of messages that can wait while an order is sent: set-points of one second."""
 AGAIN = 1.0
-"""Between two warnings that say the same, s."""
+"""Time between two warnings with the same text, s."""
 SERVICES = ("take_off", "land", "kill", "zero_bias", "release_wrench", "take_controls")
-"""Orders without arguments: each is a service of this name."""
+"""Orders without arguments. Each has a service with its name."""
 
 
 class Inputs:
@@ -50,7 +50,7 @@ class Inputs:
         return take
 
     def _warn(self, topic: str, reason: str) -> None:
-        """Says a refusal; the same one of a stream once a second."""
+        """Logs a refusal. The same refusal of a stream is logged once per second."""
         now = time.monotonic()
         before, at = self._said.get(topic, ("", 0.0))
         if reason != before or now - at > AGAIN:
@@ -66,7 +66,7 @@ class Inputs:
         return serve
 
     def _reason(self, order: Callable[[], None]) -> str | None:
-        """Gives an order; why it is not obeyed, if it is not."""
+        """Gives an order. Returns the reason if it is not obeyed."""
         try:
             order()
         except ValueError as error:
@@ -90,7 +90,7 @@ class Inputs:
         if orders.unused(trajectory):
             self._node.get_logger().warning(
                 "command/trajectory: velocities and accelerations of its points are not used; the flight"
-                " plans them. Stream single points without a time to give them"
+                " plans them. To give them, send single points without a time"
             )
 
     def _push(self, received: Any) -> None:

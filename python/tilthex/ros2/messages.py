@@ -53,17 +53,18 @@ def _target(target: Target) -> Row:
 
 
 class RosMessages:
-    """The messages of ROS 2 that rows of a log become.
+    """Converts rows of a log to messages of ROS 2.
 
     Args:
-        types: What makes each message, by its name such as "nav_msgs/msg/Odometry", of its fields in order.
+        types: By the name of a message, such as "nav_msgs/msg/Odometry": a function that makes it from its
+            fields in their order.
     """
 
     def __init__(self, types: Mapping[str, Callable[..., Any]]) -> None:
         self._types = types
 
     def topics(self) -> Iterator[tuple[str, str, str, Callable[[int, Row], Any]]]:
-        """Topic and message in ROS, topic of the log, and what makes the one of a time, ns, and the other."""
+        """Topic and message in ROS, topic of the log, and what makes the message from time, ns, and row."""
         yield "odom", "nav_msgs/msg/Odometry", "/state", self.odometry
         yield "imu", "sensor_msgs/msg/Imu", "/state", self.imu
         yield "/tf", "tf2_msgs/msg/TFMessage", "/state", self.transforms
@@ -74,7 +75,7 @@ class RosMessages:
         yield "joint_states", "sensor_msgs/msg/JointState", "/rotors", self.joint_state
 
     def odometry(self, time: int, row: Row) -> Any:
-        """Pose of the robot in the world; its twist in robot axes, as the message has it."""
+        """Pose of the robot in the world; its twist in robot axes, as the message requires."""
         place, turn = row["position_deviation"], row["rotation_deviation"]
         pose = self._make("geometry_msgs/msg/PoseWithCovariance", self._pose(row), _covariance(place, turn))
         rotation = rotations_from_quaternions(row["orientation"][None])[0]
@@ -103,11 +104,11 @@ class RosMessages:
         )
 
     def transforms(self, time: int, row: Row) -> Any:
-        """World to robot."""
+        """Transform from the world to the robot."""
         return self._frame(time, "world", "robot", row["position_w"], row["orientation"])
 
     def tool(self, time: int, vehicle: Vehicle) -> Any:
-        """Robot to tool, which does not change."""
+        """Transform from the robot to the tool, which does not change."""
         turn = quaternion_from_rotation(vehicle.tool_rotation)
         return self._frame(time, "robot", "tool", vehicle.tool_position, turn)
 
@@ -161,13 +162,13 @@ class RosMessages:
 
 
 def _variance(deviation: float | None) -> Array:
-    """Covariance (3, 3) of a vector by the root of its summed variances; zeros, for unknown, without one."""
+    """Covariance (3, 3) of a vector from the root of its summed variances; zeros if this is not known."""
     known = deviation is not None and np.isfinite(deviation)
     return np.eye(3) * (float(deviation or 0.0) ** 2 / 3.0 if known else 0.0)
 
 
 def _covariance(linear: float | None, angular: float | None) -> Array:
-    """Covariance (36,) of six numbers, row by row; zeros where it is unknown."""
+    """Covariance (36,) of six numbers, row by row; zeros if it is not known."""
     whole = np.zeros((6, 6))
     whole[:3, :3], whole[3:, 3:] = _variance(linear), _variance(angular)
     return whole.flatten()

@@ -1,4 +1,4 @@
-"""What messages of ROS 2 order; what they cannot order is one sentence."""
+"""Converts messages of ROS 2 to orders. If a message is not a valid order, the error is one sentence."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tilthex.ros2.messages import FRAMES
 Array = NDArray[np.float64]
 
 UNIT = 0.01
-"""Quaternions this near to unit length are taken, and made one."""
+"""Largest accepted error of a quaternion's length; the quaternion is then normalised."""
 
 
 def pose(message: Any) -> tuple[Array, Array]:
@@ -86,7 +86,7 @@ def unused(trajectory: Any) -> bool:
 
 
 def check_frame(message: Any) -> None:
-    """Takes messages in the world's frame, named or not.
+    """Accepts messages in the frame of the world, and messages without a frame.
 
     Raises:
         ValueError: Another frame.

@@ -1,4 +1,4 @@
-"""What the bridge publishes of each state."""
+"""The outputs of the bridge: the messages of each state."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from tilthex.ros2.messages import RosMessages, Row, rows
 from tilthex.ros2.types import RosTypes, message
 
 DEPTH = 100
-"""Messages that wait for a slow subscriber: one second's."""
+"""Number of messages that can wait for a slow subscriber: those of one second."""
 TRANSFORMS = "tf2_msgs/msg/TFMessage"
 LAST = Duration(seconds=0.2)
-"""Longest wait at the end for a subscriber that has not everything yet."""
+"""Longest wait at the end for a subscriber that has not received all messages."""
 DIAGNOSTICS_PERIOD = 1.0
-"""Between two diagnostics where nothing changes, s."""
+"""Time between two diagnostics if nothing changes, s."""
 
 
 class Outputs:
@@ -50,7 +50,7 @@ class Outputs:
             self._fixed.publish(messages.tool(self._now(), vehicle))
 
     def publish(self, state: State, counts: Mapping[str, int]) -> None:
-        """Publishes a state that has just come; `counts`: what the bridge counts."""
+        """Publishes a state that has just arrived. `counts` are the counters of the bridge."""
         stamp = self._clock.stamp(state["time"] or 0.0, self._now())
         found = rows(state)
         for publisher, source, make in self._topics:
@@ -58,7 +58,7 @@ class Outputs:
         self._diagnose(state, stamp, counts)
 
     def finish(self) -> None:
-        """Waits until every subscriber that answers has everything."""
+        """Waits until every subscriber that answers has received all messages."""
         for publisher in (*(publisher for publisher, *_ in self._topics), self._diagnostics):
             publisher.wait_for_all_acked(LAST)
 

@@ -16,14 +16,14 @@ else:
     import tomli as tomllib
 
 LIVE = "changed in flight by set_admittance"
-"""What a configuration says of a key that an order changes."""
+"""Text in the comment of a key that an order changes."""
 SECTION = "admittance."
-"""The names of all such keys begin so."""
+"""The names of all such keys begin with this."""
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One key: its value as ROS has it (rows of a matrix in one list), its meaning, whether it may change."""
+    """One key: its value in ROS (a matrix as one list), its meaning, and whether an order changes it."""
 
     name: str
     value: Any
@@ -42,14 +42,14 @@ def parameters(text: str) -> dict[str, Parameter]:
 
 
 def same(value: Any, other: Any) -> bool:
-    """Whether two values of a parameter are the same; integers may stand for numbers."""
+    """Whether two values of a parameter are the same. An integer can equal a floating-point number."""
     if isinstance(value, str) or isinstance(other, str):
         return bool(value == other)
     return np.shape(value) == np.shape(other) and bool(np.all(np.asarray(value) == np.asarray(other)))
 
 
 def admittance(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """What `set_admittance` takes for changed parameters of `admittance.`; 36 numbers are 6 rows of 6."""
+    """The arguments of `set_admittance` for changed parameters; 36 numbers are 6 rows of 6."""
     found = {}
     for name, value in changes.items():
         numbers = np.asarray(value, float)
@@ -67,12 +67,12 @@ def _flat(name: str, value: Any) -> Iterator[tuple[str, Any]]:
     elif isinstance(value, list) and value and not isinstance(value[0], str):
         yield name, np.asarray(value, float).flatten().tolist()
     elif value != []:
-        # ROS cannot tell what an empty list is a list of.
+        # ROS does not know the type of the elements of an empty list.
         yield name, value
 
 
 def _meanings(text: str) -> dict[str, str]:
-    """The comments above each key, by `section.key`."""
+    """The comment above each key, by `section.key`."""
     found: dict[str, str] = {}
     section, comments = "", list[str]()
     for line in text.splitlines():

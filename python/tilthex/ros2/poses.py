@@ -1,4 +1,4 @@
-"""A topic of poses as the pose source: `PoseStamped` to the packets that `--mocap udp://` reads."""
+"""A topic of poses as the pose source: sends each `PoseStamped` as a packet for `--mocap udp://`."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from tilthex._quaternions import quaternion_from_rotation
 from tilthex.ros2 import orders
 
 PORT = 7411
-"""Where tilthex-rt listens unless its URI names another port."""
+"""Default port of tilthex-rt for these packets."""
 LONGEST_NAME = 64
-"""Of a body in a packet, bytes."""
+"""Longest name of a body in a packet, bytes."""
 
 
 class PoseSender:
@@ -27,8 +27,8 @@ class PoseSender:
         body: The name in its URI.
 
     Raises:
-        ValueError: The port or the name cannot be.
-        OSError: There is no such host.
+        ValueError: The port or the name is not possible.
+        OSError: The host does not exist.
     """
 
     def __init__(self, to: str, body: str) -> None:
@@ -46,17 +46,17 @@ class PoseSender:
         self._number = 0
 
     def send(self, message: Any, now: int) -> None:
-        """Sends a pose with the time of its stamp; without one, with `now`, ns.
+        """Sends a pose with the time of its stamp; if it has none, with the time `now`, ns.
 
         Raises:
-            ValueError: It is no pose in the world.
+            ValueError: It is not a pose in the world.
         """
         position, rotation = orders.pose(message)
         stamp = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
         self.pack(stamp or now, position, rotation)
 
     def pack(self, time: int, position: NDArray[np.float64], rotation: NDArray[np.float64]) -> None:
-        """Sends one packet; nobody needs to listen yet."""
+        """Sends one packet. It is not an error if no program listens."""
         packet = struct.pack(
             "<8sIId3d4d",
             b"tilthex1",
@@ -67,10 +67,10 @@ class PoseSender:
             *quaternion_from_rotation(rotation),
         )
         self._number = (self._number + 1) % 2**32
-        # Refused where the last packet found no listener.
+        # The call is refused if no program received the last packet.
         with contextlib.suppress(ConnectionRefusedError):
             self._line.send(packet + self._body)
 
     def close(self) -> None:
-        """Ends the line."""
+        """Closes the socket."""
         self._line.close()

@@ -1,4 +1,4 @@
-"""Whether the bridge lives: the operator of a flight is there while the node's executor turns."""
+"""Whether the bridge works: the operator of a flight is present while the node's executor runs."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Callable
 from tilthex.client import HEARTBEAT
 
 STOPPED = 3 * HEARTBEAT
-"""An executor that has not turned for this long hangs, s."""
+"""An executor hangs if it has not run for this time, s."""
 
 
 class Pulse:
-    """The beats of an executor; called, it says whether the last one is recent.
+    """The beats of an executor. A call says whether the last beat is recent.
 
     Args:
         now: A clock in s.
@@ -27,5 +27,5 @@ class Pulse:
         self._last = self._now()
 
     def __call__(self) -> bool:
-        """Whether the executor turns."""
+        """Whether the executor runs."""
         return self._now() - self._last < STOPPED

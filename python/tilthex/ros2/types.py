@@ -1,4 +1,4 @@
-"""Messages of the ROS that is installed."""
+"""Messages of the installed ROS."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 
 class RosTypes(dict[str, Callable[..., Any]]):
-    """What makes each message, by its name such as "nav_msgs/msg/Odometry", of its fields in their order."""
+    """By the name of a message, such as "nav_msgs/msg/Odometry": a function that makes it from its fields."""
 
     def __missing__(self, kind: str) -> Callable[..., Any]:
         made = message(kind)

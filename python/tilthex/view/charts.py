@@ -45,7 +45,7 @@ class Charts:
         self._widths = (6, 3, 3, 3, len(rotors))
 
     def add(self, sample: Sample) -> None:
-        """Adds a sample, which `draw` shows. Times count from the first sample."""
+        """Adds a sample. `draw` shows it. Times are since the first sample."""
         speeds = np.full(self._widths[-1], np.nan)
         if len(sample.rotor_speeds) == len(speeds):
             speeds = sample.rotor_speeds

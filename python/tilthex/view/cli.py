@@ -86,7 +86,7 @@ def _run(arguments: argparse.Namespace) -> None:
 def _prepare(
     arguments: argparse.Namespace, stack: contextlib.ExitStack
 ) -> Callable[[viser.ViserServer], Callable[[threading.Event], None]]:
-    """Reads or starts the flight.
+    """Opens the log, or starts or connects to the flight.
 
     Returns a function that makes the page, and then shows it until the end.
     """

@@ -1,4 +1,4 @@
-"""Decides who may open the page: only this computer, or everybody who has the token.
+"""Decides who may open the page: only this computer, or every computer that has the token.
 
 A browser lets every page that it shows connect to every address that it reaches, including this
 computer's own. So each request must come from the page itself (`Origin`), and must name an address under
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from websockets.http11 import Request, Response
 
 SHORTEST = 16
-"""Smallest number of characters of a token, as for the control socket."""
+"""Smallest number of characters of a token; the same as for the control socket."""
 COOKIE = "tilthex-view"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -49,7 +49,7 @@ class Gate:
         """
         host = headers.get("Host", "")
         if self.token is None and _name(host) not in LOOPBACK:
-            return f"this page is served only to this computer, not as {host!r}"
+            return f"this page is served only to this computer, not under the name {host!r}"
         origin = headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc != host:
             return f"a page of {origin!r} may not open this one"
@@ -128,7 +128,7 @@ def serve(guard: Gate) -> viser.ViserServer:
 
 @contextlib.contextmanager
 def _guarded(guard: Gate) -> Iterator[list[bool]]:
-    """While it is active, servers of `websockets` are made with the gate before their own answers.
+    """While it is active, every new server of `websockets` asks the gate before it answers.
 
     viser has no hook for this. The yielded list is filled once a server is made.
     """
@@ -146,7 +146,7 @@ def _guarded(guard: Gate) -> Iterator[list[bool]]:
                 return connection.respond(403, refusal + "\n")
             response: Response | None = process_request(connection, request)
             if response is not None and guard.token is not None:
-                # From now on the page's own requests carry the cookie; those of other pages do not.
+                # From now on the requests of this page have the cookie; those of other pages do not.
                 cookie = f"{COOKIE}={guard.token}; HttpOnly; SameSite=Strict; Path=/"
                 response.headers["Set-Cookie"] = cookie
             return response
@@ -177,6 +177,6 @@ def _read(path: Path) -> str:
         )
     if not token.isascii() or not token.isalnum():
         raise ValueError(
-            f"the token in {path} has other characters than letters and digits, which an address cannot hold"
+            f"the token in {path} has characters that are not letters or digits, which an address cannot hold"
         )
     return token

@@ -24,7 +24,7 @@ ROTOR_RADIUS = 0.02
 
 @dataclass(frozen=True)
 class Cylinder:
-    """A cylinder or capsule, R."""
+    """A cylinder or capsule, in robot coordinates."""
 
     begin: Array
     """(3,), m."""
@@ -106,7 +106,7 @@ class Reach:
             self.faces = np.asarray(ConvexHull(self.vertices).simplices, dtype=np.uint32)
 
     def weight(self, rotation: Array) -> Array:
-        """The force that carries the weight, N, R, at a rotation (3, 3) of the robot."""
+        """The force that carries the weight, N, robot axes, at a rotation (3, 3) of the robot."""
         return np.asarray(rotation.T @ np.array([0.0, 0.0, self._weight]))
 
     def margin(self, rotor_speeds: Array) -> float:

@@ -1,4 +1,4 @@
-"""Pushes of a simulated tool: a ball at its tip that the mouse pulls."""
+"""Pushes of a simulated tool: the mouse pulls a ball at the tool's tip."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LARGEST = 5.0
 AGAIN = 0.05
 """Time between two packets, s; a push ends 0.3 s after its last."""
 WRENCH = struct.Struct("<6d")
-"""Force and torque, as `tilthex-rt --push-port` takes them."""
+"""Packet of `tilthex-rt --push-port`: force and torque."""
 
 
 class Hand:
@@ -37,7 +37,7 @@ class Hand:
         self._ended = threading.Event()
         self.ball = server.scene.add_icosphere("/hand", radius=0.025, color=(240, 180, 30))
 
-        # In the order of the events, and done at once.
+        # The events are handled in their order, and at once.
         @self.ball.on_drag
         async def _(event: viser.SceneNodeDragEvent[viser.IcosphereHandle]) -> None:
             if event.phase == "end":
@@ -50,7 +50,7 @@ class Hand:
 
     @property
     def pulls(self) -> bool:
-        """Whether a pull lasts."""
+        """Whether a pull is active."""
         return self._pulls.is_set()
 
     def pull(self, force: Array) -> None:
@@ -65,7 +65,7 @@ class Hand:
         self._send(np.zeros(3))
 
     def close(self) -> None:
-        """Ends the pull, and takes no other."""
+        """Ends the pull, and does not accept another one."""
         self._ended.set()
         self._pulls.set()
         self._thread.join()

@@ -37,7 +37,7 @@ class Live:
         title: str,
         push_port: int | None = None,
     ) -> None:
-        """Connects to the flight. One that is simulated takes pushes of its tool at a port, UDP.
+        """Connects to the flight. If it is simulated, it receives pushes of its tool at a UDP port.
 
         Raises:
             ConnectionError: No flight takes orders there.

@@ -18,7 +18,7 @@ AGAIN = 1.0
 
 
 class Pilot:
-    """Three connections: one for states and orders, which holds the controls, one to land, one to kill.
+    """Three connections: one for states and orders, which holds the controls; one to land; one to kill.
 
     Attributes:
         config: The configuration of the flight as the page was opened.
@@ -53,7 +53,7 @@ class Pilot:
         self._thread = threading.Thread(target=self._run, name="tilthex-pilot", daemon=True)
 
     def start(self) -> None:
-        """Starts to take states and to give orders."""
+        """Starts to receive states and to give orders."""
         self._thread.start()
 
     def order(self, name: str, order: Order) -> None:
@@ -62,7 +62,7 @@ class Pilot:
             self._waiting[name] = order
 
     def close(self) -> None:
-        """Ends the connections; a flight that was ordered to move holds, and lands later."""
+        """Ends the connections. A flight that flies the page's orders then holds, and lands later."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(5.0)
@@ -79,14 +79,14 @@ class Pilot:
             try:
                 flight = self._connect(present=self._present)
             except (OSError, ValueError):
-                # A flight that has not started yet needs no message.
+                # If no flight runs yet, no message is necessary.
                 flight = None
-            # What was ordered without a flight must not start the next one.
+            # An order that was given without a flight must not act on the next flight.
             while (waiting := self._next()) is not None:
                 self._tell(f"{waiting[0]} does not reach the flight", "The page had no connection to it.")
 
     def _take(self, flight: Flight) -> None:
-        """Takes the states of a flight until it ends."""
+        """Receives the states of a flight until it ends."""
         try:
             with flight:
                 if Config.from_text(flight.configuration()).vehicle != self.config.vehicle:
@@ -122,4 +122,4 @@ class Pilot:
         except OrderRefused as error:
             self._tell(f"{name} is refused", str(error))
         except ValueError as error:
-            self._tell(f"{name} is no order", str(error))
+            self._tell(f"{name} is not a valid order", str(error))

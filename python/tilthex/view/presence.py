@@ -1,4 +1,4 @@
-"""Whether the operator looks at the page, which the flight must know."""
+"""Finds out whether the operator looks at the page. The flight must know this."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ KEY = "tilthex-present"
 
 
 class Presence:
-    """Asks every open page repeatedly. A page answers between two of its pictures.
+    """Asks every open page repeatedly. A page answers between two pictures that it draws.
 
     A browser draws no pictures of a hidden page, so that a hidden page does not answer: an operator who
     has changed to another tab does not see the flight. A page without network or computer does not answer
@@ -50,7 +50,7 @@ class Presence:
             except TimeoutError:
                 continue
             except RuntimeError as error:
-                # The browser of a page that is still open keeps nothing; this is an answer too.
+                # A page that is still open has answered, although its browser has no stored value.
                 if "disconnected" in str(error):
                     return
             self._answered = time.monotonic()

@@ -142,7 +142,7 @@ class Flown:
             yield self.sample(int(row))
 
     def events(self) -> list[tuple[float, str]]:
-        """Changes of the phase and begins of faults: time, s since the begin of the log, and a sentence."""
+        """Changes of the phase, and begins of faults: time, s since the begin of the log, and a sentence."""
         phases, found = self._columns["/flight"]["phase"], []
         for row in range(1, len(self.times)):
             time = float(self.times[row])
@@ -164,7 +164,7 @@ def tool_pose(robot: Pose, config: Config) -> Pose:
 
 
 def _names(bits: int) -> Iterator[str]:
-    """Names of the faults in a log's bits; a fault of a later version has its number."""
+    """Names of the faults in the bits of a log. A fault that this version does not know has its number."""
     for number in range(bits.bit_length()):
         if bits >> number & 1:
             yield FAULTS[number].name if number < len(FAULTS) else f"fault {number}"

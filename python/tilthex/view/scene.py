@@ -96,7 +96,7 @@ class Scene:
             part = float(np.clip(load, 0.0, 1.0))
             red, green, blue = (round(float(x)) for x in CALM + part * (FULL - CALM))
             disc.color = (red, green, blue)
-        # The forces that are attainable in addition to carrying the weight.
+        # The attainable forces in addition to the force that carries the weight.
         self.hull.position = -REACH_LENGTH * self.reach.weight(sample.robot.rotation)
 
     def _thrust_arrows(self, thrusts: Array) -> Points:

@@ -13,11 +13,11 @@ from typing import IO, NamedTuple
 from tilthex._programs import program
 
 LANDING = 30.0
-"""Time in which a flight that is ended in the air has to land, s."""
+"""Longest time for the landing if the page ends in flight, s."""
 
 
 class Ports(NamedTuple):
-    """Of a simulated flight, on this computer."""
+    """Ports of a simulated flight on this computer."""
 
     control: int
     """TCP: orders and states."""
@@ -43,7 +43,7 @@ def flight(arguments: Sequence[str]) -> Iterator[Ports]:
         [program("tilthex-rt"), "--sim", "--control", "127.0.0.1:0", "--push-port", "0", *arguments],
         stdout=subprocess.PIPE,
         text=True,
-        # An interrupt reaches only the page, which then ends the flight.
+        # Ctrl-C must reach only the page, which then ends the flight.
         start_new_session=True,
     )
     assert process.stdout is not None

@@ -18,8 +18,8 @@ use crate::{
 /// Flies a fully actuated multirotor as an end-effector.
 ///
 /// Exit status: 0 done; 2 wrong arguments or configuration; 3 the vehicle or motion capture does not answer;
-/// 4 a fault or a kill ended the flight, or a replay gives other outputs than its log; 5 a replayed log breaks
-/// off; 6 this computer denies what the program needs; 130 interrupted (the vehicle landed).
+/// 4 a fault or a kill ended the flight, or a replay differs from its log; 5 a replayed log breaks off;
+/// 6 this computer denies what the program needs; 130 interrupted (the vehicle landed).
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_name = "DEV", global = true)]
     pub port: Option<String>,
 
-    /// Speed of the serial line, bits/s; 0 leaves it as it is [default: the configuration's]
+    /// Speed of the serial line, bits/s; 0 does not change it [default: the configuration's]
     #[arg(long, value_name = "N", global = true)]
     pub baud: Option<u32>,
 
@@ -67,9 +67,9 @@ pub struct Args {
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
-    /// With --sim: take pushes of the tool, while it flies, from UDP packets to this port of 127.0.0.1 (0 for any,
-    /// which is printed): force and torque, six little-endian f64, N and N m, world axes. A push ends 0.3 s after
-    /// its last packet
+    /// With --sim: push the tool with the wrench in UDP packets that arrive at this port of 127.0.0.1 (0 for any free
+    /// port, which is printed): force and torque, six little-endian f64, N and N m, world axes. A push ends 0.3 s
+    /// after its last packet
     #[arg(long, value_name = "PORT", requires = "sim")]
     pub push_port: Option<u16>,
 
@@ -92,12 +92,12 @@ pub struct Args {
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
     pub control: Option<String>,
 
-    /// Take orders only from clients that first send the token in this file; needed where ADDRESS is not of this
-    /// computer alone
+    /// Take orders only from clients that first send the token in this file; needed if other computers can reach
+    /// ADDRESS
     #[arg(long, value_name = "FILE", requires = "control")]
     pub control_token_file: Option<PathBuf>,
 
-    /// Fly the vehicle at --port although the configuration has no voltage at which it lands
+    /// Fly the vehicle at --port although the configuration has no battery voltage at which it must land
     #[arg(long)]
     pub no_battery_limits: bool,
 
@@ -143,7 +143,7 @@ pub(super) enum Action {
 }
 
 impl Args {
-    /// What every client must say first, where they name one.
+    /// The token that every client must send first, if the arguments name one.
     ///
     /// # Errors
     /// One sentence: the file cannot be read, or holds no token.
@@ -151,7 +151,7 @@ impl Args {
         self.control_token_file.as_deref().map(Token::read).transpose()
     }
 
-    /// Refuses a flight of a vehicle that nothing could ever begin, or that an empty battery would end.
+    /// Refuses a flight that no order could start, and one whose battery has no limits.
     ///
     /// # Errors
     /// One sentence.
@@ -159,7 +159,7 @@ impl Args {
         let limited = config.supervisor().battery_low > 0.0 && config.supervisor().battery_critical > 0.0;
         if self.port.is_some() && !limited && !self.no_battery_limits {
             return Err(Failure::usage(
-                "no battery limits are known: give battery_low and battery_critical (V) in [supervisor] of the configuration, or \
+                "the battery has no limits: give battery_low and battery_critical (V) in [supervisor] of the configuration, or \
                  fly without them with --no-battery-limits",
             ));
         }
@@ -171,7 +171,7 @@ impl Args {
         ))
     }
 
-    /// The configuration they name.
+    /// The configuration that the arguments name.
     ///
     /// # Errors
     /// One sentence: the file, the section, the key.
@@ -194,7 +194,7 @@ impl Args {
         {
             let port = self.port.as_deref().unwrap_or_default();
             return Err(Failure::usage(if other == 0 {
-                format!("--baud {one} cannot be set: --port {port} is no serial line; leave --baud out")
+                format!("--baud {one} cannot be set: --port {port} is not a serial line; leave --baud out")
             } else {
                 format!("--baud is {one}, but --port {port} says {other}; expected one of the two")
             }));
@@ -206,7 +206,7 @@ impl Args {
         change("log", "path", self.log.as_ref().map(|path| path.display().to_string().into()));
         let config = read().and_then(|config| config.overlaid(changes))?;
         if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
-            return Err(Failure::usage("--duration is not a time; expected seconds from 0 on"));
+            return Err(Failure::usage("--duration is not a time; expected seconds, 0 or more"));
         }
         Ok(config)
     }

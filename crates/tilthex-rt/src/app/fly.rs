@@ -1,4 +1,4 @@
-//! Puts a flight together, watches it, and says how it ended.
+//! Sets up a flight, watches it, and reports how it ended.
 
 use std::{path::PathBuf, sync::mpsc, time::Duration};
 
@@ -33,11 +33,11 @@ use crate::{
     vehicle_uri::VehicleUri,
 };
 
-/// From the exposure of a simulated camera to its frame on the network, s.
+/// Time from the exposure of a simulated camera to the sending of the pose, s.
 const CAPTURE_LATENCY: f64 = 0.008;
-/// Orders that may wait for the loop.
+/// Number of orders that can wait for the loop.
 const COMMAND_RING: usize = 8;
-/// How long a start without orders waits for everything to be ready, s.
+/// Longest time for which a start without orders waits until everything is ready, s.
 const PATIENCE: f64 = 30.0;
 
 /// Flies.
@@ -66,7 +66,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let token = args.token()?;
     let client = config.mocap().client()?;
     args.check_start(&config)?;
-    // A log is begun, and an old one replaced, when there is somebody to fly.
+    // The log is created, and an old one replaced, only after the vehicle and motion capture have been found.
     let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
     let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
     let (recorder, feed, truths) =
@@ -117,7 +117,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
         (args.sim || args.reference).then(|| Reference::start(period, args.realtime).ok()).flatten();
     let keys = Keys::watch(flags.clone());
     if keys.is_some() {
-        say!("Ctrl-C lands; the key K, the capital letter, stops the motors at once");
+        say!("Ctrl-C lands; the key K (capital letter) stops the motors at once");
     }
     let end = status::watch(&running, &recorder.observer());
     drop(keys);
@@ -138,7 +138,7 @@ struct Peers {
 }
 
 impl Peers {
-    /// Those that the arguments and the configuration name.
+    /// Connects to those that the arguments and the configuration name.
     fn connect(args: &Args, config: &Config, client: ClientParams) -> Result<Self, Failure> {
         let Some(port) = &args.port else {
             return Err(Failure::usage(
@@ -163,12 +163,12 @@ impl Peers {
     }
 }
 
-/// The running loop: it says how it ended.
+/// The running loop. It sends its end.
 pub(super) struct Running {
     pub(super) end: mpsc::Receiver<End>,
 }
 
-/// Starts the loop's thread, once it has its rights.
+/// Starts the loop's thread, and waits until it has asked for its rights.
 fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running, Failure> {
     let (say_rights, rights) = mpsc::sync_channel(1);
     let (say_end, end) = mpsc::sync_channel(1);
@@ -178,7 +178,7 @@ fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Runn
         .spawn(move || {
             let rights = realtime::acquire(demand);
             let refused = rights.is_err();
-            // Kept open: closing it lets the processor sleep deeply again.
+            // Kept open: if it is closed, the processor sleeps deeply again.
             let (held, said) = match rights {
                 Ok(rights) => (Some(rights.held), Ok(rights.warnings)),
                 Err(failure) => (None, Err(failure)),
@@ -258,7 +258,7 @@ fn serve<F: Board + Send + 'static>(
         .map_err(|e| Failure::link(format!("the simulated vehicle has no pseudo-terminal: {e}")))
 }
 
-/// Listens for pushes of the tool, and says where.
+/// Listens for pushes of the tool, and prints the port.
 fn hand(port: u16) -> Result<Hand, Failure> {
     let listening = Hand::new(port).and_then(|hand| Ok((hand.port()?, hand)));
     let (found, hand) = listening

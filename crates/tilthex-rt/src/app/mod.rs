@@ -18,13 +18,13 @@ use crate::{
 };
 use args::Action;
 
-/// Failures of a campaign that are shown one by one.
+/// Largest number of failures of a campaign that are shown one by one.
 const SHOWN_FAILURES: usize = 400;
 
 /// Runs the program.
 ///
 /// # Errors
-/// How it ended, where that is not success.
+/// The failure, if the program did not end with success.
 pub fn run() -> Result<(), Failure> {
     let args: Args = failure::arguments()?;
     match &args.action {
@@ -67,7 +67,7 @@ pub fn run() -> Result<(), Failure> {
     }
 }
 
-/// Many faulty flights and their table; of a single one, its story.
+/// Flies many flights with faults and prints their table. Of a single flight it prints every event.
 fn fly_campaign(
     config: &Config,
     truth: &TruthSection,
@@ -102,7 +102,7 @@ fn fly_campaign(
     match failures.first_key_value() {
         None => Ok(()),
         Some((seed, first)) => Err(Failure::fault(format!(
-            "{} of {number} faulty flights failed, the first is seed {seed} (--number 1 --seed {seed} tells its story): {first}",
+            "{} of {number} faulty flights failed, the first is seed {seed} (--number 1 --seed {seed} shows its events): {first}",
             failures.len()
         ))),
     }

@@ -1,4 +1,4 @@
-//! The summary at the end, and what the end means for the exit status.
+//! The summary at the end of a flight, and the exit status.
 
 use std::sync::atomic::Ordering;
 
@@ -16,7 +16,7 @@ use crate::{
     reference::Slept, sim::Report, summary::Deflection,
 };
 
-/// Prints the figures of a flight.
+/// Prints the statistics of a flight.
 pub(super) fn print(
     config: &Config,
     recorded: &Recorded,
@@ -32,7 +32,7 @@ pub(super) fn print(
         s.with_imu
     );
     let machine = slept.map_or(String::new(), |slept| {
-        format!(" (a thread that only sleeps lost {} on this machine)", slept.skipped)
+        format!(" (a thread that only sleeps skipped {} on this computer)", slept.skipped)
     });
     say!("late ticks          {} periods skipped{machine}", s.skipped);
     for (name, quantiles) in s.times() {
@@ -83,7 +83,10 @@ pub(super) fn print(
         say!("control socket      {refused_orders} requests refused");
     }
     if recorded.latest.dropped > 0 {
-        say!("log                 {} ticks did not fit in and are not logged", recorded.latest.dropped);
+        say!(
+            "log                 {} ticks did not fit into the ring and are not logged",
+            recorded.latest.dropped
+        );
     }
     match (&recorded.latest.error, config.log().path.is_empty()) {
         (None, _) if recorded.moved => say!(
@@ -99,7 +102,7 @@ pub(super) fn print(
     }
 }
 
-/// How far the configured spring yields to a push at rest.
+/// The displacement of the configured spring by a push, at rest.
 fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
     let admittance = config.admittance();
     let norm = deflection.force_w.norm();
@@ -110,7 +113,7 @@ fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
     solved.map_or_else(|| Vector3::repeat(f64::NAN), |e| e.fixed_rows::<3>(0).into_owned())
 }
 
-/// What the end means for the exit status.
+/// The exit status of an end.
 pub(super) fn outcome(
     end: Option<End>,
     port: &str,
@@ -132,7 +135,7 @@ pub(super) fn outcome(
                 row.name, row.detection
             )))
         }
-        Some(End::Interrupted) => Err(interrupted("the vehicle had not started")),
+        Some(End::Interrupted) => Err(interrupted("the vehicle has not started")),
         Some(End::Killed { in_flight: true }) => {
             Err(Failure::fault("killed by order: the motors were stopped in flight, and the vehicle fell"))
         }
@@ -150,11 +153,11 @@ pub(super) fn outcome(
             )))
         }
         Some(End::LinkLost { in_flight: true }) => Err(Failure::link(format!(
-            "{port} went away in flight: the vehicle {}; check cable and adapter",
+            "{port} disappeared in flight: the vehicle {}; check cable and adapter",
             link.alone()
         ))),
         Some(End::LinkLost { in_flight: false }) => {
-            Err(Failure::link(format!("{port} went away: check cable and adapter")))
+            Err(Failure::link(format!("{port} disappeared: check cable and adapter")))
         }
         Some(End::Refused(_, Some(motor))) => {
             Err(Failure::fault(format!("the motors were not started: {motor}")))
@@ -172,7 +175,7 @@ pub(super) fn outcome(
             Err(Failure::fault(format!("not ready to start: {}", causes(faults))))
         }
         Some(End::NotReady { pose_seen: false, .. }) => Err(Failure::fault(
-            "not ready to start: no pose came from motion capture; name it with --mocap, and check that the body is tracked",
+            "not ready to start: no pose arrived from motion capture; name it with --mocap, and check that the body is tracked",
         )),
         Some(End::NotReady { estimator: Some(reason), .. }) => {
             Err(Failure::fault(format!("not ready to start: {reason}")))

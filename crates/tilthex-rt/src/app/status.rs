@@ -1,4 +1,4 @@
-//! The live status: one line, from a thread that is not the loop's.
+//! The live status: one line, printed by another thread than the loop's.
 
 use std::{
     sync::mpsc::RecvTimeoutError,
@@ -20,10 +20,10 @@ use crate::{
 const ON_A_TERMINAL: Duration = Duration::from_millis(200);
 const IN_A_FILE: Duration = Duration::from_secs(2);
 
-/// A complaint of the link is said after it has lasted this long: a board opens its streams one after the other.
+/// A complaint of the link is printed after it has lasted for this time: a board opens its streams one after the other.
 const LASTS: Duration = Duration::from_secs(5);
 
-/// Decides when a complaint of the link is said: once each time that the link begins to complain.
+/// Decides when to print a complaint of the link: once each time that the link begins to complain.
 #[derive(Default)]
 struct Complaints {
     since: Option<Instant>,
@@ -31,7 +31,7 @@ struct Complaints {
 }
 
 impl Complaints {
-    /// Takes the newest tick; the complaint that is to be said now. After the start the supervisor's faults say it.
+    /// Takes the newest tick, and returns the complaint that must be printed now. After the start, faults report it instead.
     fn next(&mut self, tick: &Tick) -> Option<Complaint> {
         let Some(complaint) = tick.complaint.filter(|_| tick.record.phase == Phase::Disarmed) else {
             *self = Self::default();

@@ -1,4 +1,4 @@
-//! Where the control socket listens, and the two kinds of connection to it.
+//! The address of the control socket, and the two kinds of connections to it.
 
 use std::{
     fs, io,
@@ -15,10 +15,10 @@ use rustix::{fs::Mode, process::umask};
 
 use crate::Failure;
 
-/// Where the socket listens unless told otherwise.
+/// The default address of the control socket.
 pub const DEFAULT_ADDRESS: &str = "127.0.0.1:7410";
 
-/// An address that may be listened at.
+/// An address at which the control socket may listen.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Address {
     Tcp(SocketAddr),
@@ -29,7 +29,7 @@ impl Address {
     /// Reads `ADDRESS:PORT` or `unix:PATH`.
     ///
     /// # Errors
-    /// One sentence: no address, that of every network, or one beyond this computer without a token.
+    /// One sentence: it is not an address, it means every network, or other computers can reach it without a token.
     pub(super) fn parse(text: &str, has_token: bool) -> Result<Self, Failure> {
         if let Some(path) = text.strip_prefix("unix:") {
             return match path {
@@ -37,24 +37,25 @@ impl Address {
                 path => Ok(Self::Unix(path.into())),
             };
         }
-        let address: SocketAddr = text.parse().map_err(|_| refuse(text, &"it is no address with a port"))?;
+        let address: SocketAddr =
+            text.parse().map_err(|_| refuse(text, &"it is not an address with a port"))?;
         let ip: IpAddr = address.ip().to_canonical();
         if ip.is_unspecified() {
-            return Err(refuse(text, &"that is every network this computer is in"));
+            return Err(refuse(text, &"it means every network of this computer"));
         }
         if !ip.is_loopback() && !has_token {
             return Err(refuse(
                 text,
-                &"others could fly the vehicle from there without a token; give one with --control-token-file",
+                &"other computers could fly the vehicle without a token; name one with --control-token-file",
             ));
         }
         Ok(Self::Tcp(address))
     }
 
-    /// Listens there.
+    /// Listens at the address.
     ///
     /// # Errors
-    /// One sentence: it is not this computer's, or taken.
+    /// One sentence: the address does not belong to this computer, or is in use.
     pub(super) fn listen(&self) -> Result<Listener, Failure> {
         let listener = match self {
             Self::Tcp(address) => TcpListener::bind(address).map(Listener::Tcp),
@@ -77,7 +78,7 @@ fn refuse(address: &str, why: &dyn std::fmt::Display) -> Failure {
     ))
 }
 
-/// A Unix socket that only this user may connect to. One that a killed program left is replaced.
+/// A Unix socket to which only this user may connect. Replaces a socket that a killed program left.
 fn listen_at(path: &Path) -> io::Result<UnixListener> {
     let left = fs::symlink_metadata(path).is_ok_and(|found| found.file_type().is_socket());
     if left && UnixStream::connect(path).is_err() {
@@ -89,7 +90,7 @@ fn listen_at(path: &Path) -> io::Result<UnixListener> {
     listener
 }
 
-/// Takes connections. A Unix socket goes when it is dropped.
+/// Accepts connections. A Unix socket is removed when this is dropped.
 #[derive(Debug)]
 pub(super) enum Listener {
     Tcp(TcpListener),
@@ -104,7 +105,7 @@ impl Listener {
         }
     }
 
-    /// Where it listens.
+    /// The address at which it listens.
     pub(super) fn name(&self) -> io::Result<String> {
         match self {
             Self::Tcp(listener) => listener.local_addr().map(|address| address.to_string()),
@@ -112,7 +113,7 @@ impl Listener {
         }
     }
 
-    /// A connection that waits, and who is at its other end.
+    /// Accepts a waiting connection. Also returns the name of the client.
     pub(super) fn accept(&self) -> io::Result<(Stream, String)> {
         match self {
             Self::Tcp(listener) => {
@@ -144,7 +145,7 @@ pub(super) enum Stream {
 }
 
 impl Stream {
-    /// Writing waits for this long.
+    /// Sets the longest time for which a write waits.
     pub(super) fn set_blocking(&self, write: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(s) => s.set_nonblocking(false).and_then(|()| s.set_write_timeout(Some(write))),
@@ -152,7 +153,7 @@ impl Stream {
         }
     }
 
-    /// Reading waits for this long.
+    /// Sets the longest time for which a read waits.
     pub(super) fn set_patience(&self, read: Duration) -> io::Result<()> {
         match self {
             Self::Tcp(stream) => stream.set_read_timeout(Some(read)),
@@ -168,7 +169,7 @@ impl Stream {
         }
     }
 
-    /// Ends the connection, whoever reads it.
+    /// Ends the connection, also for a thread that reads from it.
     pub(super) fn shut(&self) {
         let _ = match self {
             Self::Tcp(stream) => stream.shutdown(Shutdown::Both),
@@ -237,7 +238,7 @@ mod tests {
             assert!(address.listen().is_err(), "somebody listens there");
         }
         assert!(!path.exists());
-        // What a killed program leaves: a socket at which nobody listens.
+        // A killed program leaves a socket at which no program listens.
         drop(UnixListener::bind(&path).expect("free"));
         assert!(path.exists());
         drop(address.listen().expect("replaced"));

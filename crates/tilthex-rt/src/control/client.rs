@@ -13,12 +13,12 @@ use crate::sleeper::{Clock, Monotonic};
 
 /// Longest line of a request, bytes.
 const LONGEST_LINE: usize = 64 * 1024;
-/// How long a thread waits for its socket before it looks at anything else.
+/// Longest wait for the socket before the thread does other work.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
-/// A client that takes nothing for this long is dropped.
+/// A client that does not read for this time is disconnected.
 const STUCK: Duration = Duration::from_millis(500);
 
-/// A connection and what was said on it.
+/// A connection and its conversation.
 pub(super) struct Connection {
     stream: Stream,
     session: Session,
@@ -27,10 +27,10 @@ pub(super) struct Connection {
 }
 
 impl Connection {
-    /// With a client that has a place.
+    /// A connection with a client that has a place.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub(super) fn new(stream: Stream, name: String, place: Place, shared: Arc<Shared>) -> io::Result<Self> {
         stream.set_blocking(STUCK)?;
         let client = Client { id: place.id, name };

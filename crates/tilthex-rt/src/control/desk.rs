@@ -1,4 +1,4 @@
-//! Where orders are taken: from whom, whether they can be obeyed now, and by which way they go to the loop.
+//! The desk decides about orders: who may give them, whether they can be obeyed now, and how they reach the loop.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -13,7 +13,7 @@ use crate::{
     sleeper::Nanos,
 };
 
-/// Hands orders to the loop and to the log, in the same order.
+/// Passes orders to the loop and to the log, in the same sequence.
 #[derive(Debug)]
 pub struct Desk {
     counter: Mutex<Counter>,
@@ -21,24 +21,24 @@ pub struct Desk {
     flags: Flags,
 }
 
-/// The state that one order at a time may change.
+/// State that only one order at a time may change.
 #[derive(Debug)]
 struct Counter {
     orders: Orders,
     ring: Producer<Command>,
     holder: Option<(Id, String)>,
-    /// The newest motion that was ordered is a stream of set-points.
+    /// Whether the newest motion order was a set-point of a stream.
     streams: bool,
 }
 
-/// An order that goes past everything else.
+/// An order that is executed before all others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Urgent {
     Kill,
     Land,
 }
 
-/// Who gives an order.
+/// The client that gives an order.
 #[derive(Clone, Debug)]
 pub(super) struct Client {
     pub(super) id: Id,
@@ -46,7 +46,7 @@ pub(super) struct Client {
 }
 
 impl Desk {
-    /// From the parser to the loop's ring and flags, and to the recorder.
+    /// A desk that parses with `orders`, and passes orders to the loop (`ring`, `flags`) and to the recorder (`observer`).
     #[must_use]
     pub fn new(orders: Orders, ring: Producer<Command>, observer: Observer, flags: Flags) -> Self {
         let counter = Mutex::new(Counter { orders, ring, holder: None, streams: false });
@@ -61,7 +61,7 @@ impl Desk {
         &self.observer
     }
 
-    /// Obeys at once, from anyone; waits for nobody.
+    /// Executes an urgent order of any client at once. Never waits.
     pub(super) fn urgent(&self, order: Urgent, line: String, now: Nanos) {
         match order {
             Urgent::Kill => self.flags.kill(),
@@ -70,10 +70,10 @@ impl Desk {
         self.observer.command(now as f64 * 1e-9, line, true);
     }
 
-    /// Takes an order to the flight.
+    /// Takes an order of a client and passes it to the flight.
     ///
     /// # Errors
-    /// One sentence: who else holds the controls, what is wrong with it, or why it cannot be obeyed now.
+    /// One sentence: another client holds the controls, the order is wrong, or it cannot be obeyed now.
     pub(super) fn order(&self, client: &Client, name: &str, line: String, now: Nanos) -> Result<(), String> {
         let (situation, place) =
             self.observer.look(|latest| (Situation::of(latest, &self.flags), place(latest)));
@@ -81,12 +81,12 @@ impl Desk {
         match &counter.holder {
             Some((id, holder)) if *id != client.id => {
                 return Err(format!(
-                    "{name}: {holder} holds the controls; take_controls takes them, kill and land need none"
+                    "{name}: {holder} holds the controls; take_controls takes them; kill and land do not need them"
                 ));
             }
             _ => {}
         }
-        // Only an order that is taken changes what the next one means.
+        // Only an accepted order may change the parser's state.
         let mut orders = counter.orders.clone();
         let command = orders.parse(&line)?;
         if let Some(reason) = situation.refusal(&command, counter.streams) {
@@ -104,47 +104,47 @@ impl Desk {
             Command::Play(_) => counter.streams = false,
             _ => {}
         }
-        // Said to the recorder first: the record that holds it must not come before it.
+        // The recorder gets the order first, so that it is logged before the record in which it acts.
         self.observer.command(now as f64 * 1e-9, line, false);
         counter.holder = Some((client.id, client.name.clone()));
-        // Whoever moves the vehicle must be heard from now on; who has been, still is.
+        // From now on the operator must send messages, if this order moves the vehicle or an earlier one has.
         if moves(&command) || self.flags.has_operator() {
             self.flags.hear(now);
         }
         counter.ring.push(command).map_err(|_| "the loop takes no orders".into())
     }
 
-    /// The configuration of the flight as TOML, with the changes that were ordered.
+    /// The configuration of the flight as TOML, with the changes by orders.
     pub(super) fn configuration(&self) -> String {
         let orders = self.counter().orders.clone();
         orders.configuration()
     }
 
-    /// Gives the controls to a client, whoever holds them.
+    /// Gives the controls to a client, even if another client holds them.
     pub(super) fn take_controls(&self, client: &Client, now: Nanos) {
         self.counter().holder = Some((client.id, client.name.clone()));
         self.hear(client.id, now);
     }
 
-    /// A client has said a whole line.
+    /// Notes that a client has sent a complete line.
     pub(super) fn hear(&self, client: Id, now: Nanos) {
         if self.flags.has_operator() && self.holder().is_some_and(|(id, _)| id == client) {
             self.flags.hear(now);
         }
     }
 
-    /// Who holds the controls.
+    /// The client that holds the controls.
     pub(super) fn holder(&self) -> Option<(Id, String)> {
         self.counter().holder.clone()
     }
 
-    /// A client is gone. Where it held the controls, they are free.
+    /// Notes that a client is gone. If it held the controls, they are free.
     pub(super) fn leave(&self, client: Id) {
         self.counter().holder.take_if(|(id, _)| *id == client);
     }
 }
 
-/// Where the flight began, or would begin, and where its tool is.
+/// The place from which an order is judged; `None` before the first pose.
 fn place(latest: &Latest) -> Option<Place> {
     let record = &latest.tick.as_ref()?.record;
     let start_w = record.start_w?;
@@ -152,7 +152,7 @@ fn place(latest: &Latest) -> Option<Place> {
     Some(Place { start_w, tool_w: record.phase.in_flight().then_some(reference) })
 }
 
-/// Whether somebody must stay there who has ordered this.
+/// Whether the client that gave this order must keep sending messages.
 fn moves(command: &Command) -> bool {
     match command {
         Command::TakeOff | Command::Play(_) | Command::Follow(_) | Command::SetWrench(..) => true,
@@ -160,7 +160,7 @@ fn moves(command: &Command) -> bool {
     }
 }
 
-/// What decides whether an order can be obeyed.
+/// The facts that decide whether an order can be obeyed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Situation {
     phase: Phase,
@@ -182,20 +182,20 @@ impl Situation {
         }
     }
 
-    /// Why an order would be acknowledged and then ignored.
+    /// Why an order must be refused, because the flight would ignore it.
     fn refusal(&self, command: &Command, streams: bool) -> Option<&'static str> {
         let aloft = self.phase.in_flight();
         let landing = self.lands || matches!(self.phase, Phase::Landing | Phase::Emergency);
         match command {
             _ if self.killed => Some("the motors have been killed; the flight is over"),
-            _ if landing => Some("the vehicle lands; only kill and land are taken now"),
+            _ if landing => Some("the vehicle lands; only kill and land are accepted now"),
             _ if self.flew && !aloft => Some("the flight is over"),
             Command::TakeOff if self.phase != Phase::Disarmed => Some("the vehicle has taken off already"),
             Command::Follow(_) | Command::ZeroBias if !aloft => {
                 Some("the vehicle does not fly; send take_off, and wait until the state says compliant")
             }
             Command::Follow(_) if !self.compliant => Some(
-                "take-off, or the learning of the bias, is not over; wait until the state says compliant",
+                "take-off or the learning of the bias is not complete; wait until the state says compliant",
             ),
             Command::ZeroBias if streams => Some(
                 "set-points are streamed, and the bias is learnt in a hover; fly to a place with play first",

@@ -1,7 +1,7 @@
 //! Orders to a running flight: lines of JSON over TCP or a Unix socket. `docs/protocols.md` describes the protocol.
 //!
-//! A client is one thread (`client`) around a conversation that knows no socket (`session`); what it orders goes
-//! over one desk (`desk`) to the loop.
+//! Each client has a thread (`client`), which runs its conversation (`session`). The conversation does not know the socket.
+//! The orders of all clients go through one desk (`desk`) to the loop.
 
 mod address;
 mod client;
@@ -37,7 +37,7 @@ use crate::{
     sleeper::{Clock, Monotonic},
 };
 
-/// Somebody who finds no place waits this long for the next look.
+/// Time between two attempts to find a place for a new connection.
 const WAIT: Duration = Duration::from_millis(5);
 
 /// The state that all connections share.
@@ -58,11 +58,11 @@ pub struct ControlSocket {
 }
 
 impl ControlSocket {
-    /// Listens at `ADDRESS:PORT` or `unix:PATH`; where there is a token, every client must say it first.
+    /// Listens at `ADDRESS:PORT` or `unix:PATH`. If a token is given, every client must send it first.
     ///
     /// # Errors
-    /// One sentence: an address that is every address, not this computer's, or taken, or that others can reach
-    /// without a token.
+    /// One sentence: the address means every network, does not belong to this computer or is in use, or other computers
+    /// can reach it without a token.
     pub fn start(address: &str, token: Option<Token>, desk: Desk) -> Result<Self, Failure> {
         let listener = Address::parse(address, token.is_some())?.listen()?;
         let failed = |e: io::Error| Failure::machine(format!("the control socket cannot be served: {e}"));
@@ -74,13 +74,13 @@ impl ControlSocket {
         Ok(Self { address, shared, thread: Some(thread) })
     }
 
-    /// Where it listens.
+    /// The address at which it listens.
     #[must_use]
     pub fn address(&self) -> &str {
         &self.address
     }
 
-    /// Requests that were refused.
+    /// Number of requests that were refused.
     #[must_use]
     pub fn refused(&self) -> u64 {
         self.shared.refused.load(Ordering::Relaxed)
@@ -110,7 +110,7 @@ fn listen(listener: &Listener, shared: &Arc<Shared>) {
         let Some(place) = place_for(&stream, &places, shared) else { return };
         let name = format!("{name} (client {})", place.id);
         let serving = Arc::clone(shared);
-        // Where there is no thread for it, the connection and its place are dropped.
+        // If no thread can be started, the connection and its place are dropped.
         let _ = spawn("control-client", move || {
             if let Ok(connection) = Connection::new(stream, name, place, Arc::clone(&serving)) {
                 connection.serve(&serving);
@@ -119,7 +119,7 @@ fn listen(listener: &Listener, shared: &Arc<Shared>) {
     }
 }
 
-/// Waits for a place; `None` where the program ends first. Whoever holds the controls keeps theirs.
+/// Waits for a place; `None` if the program ends before. The client that holds the controls keeps its place.
 fn place_for(stream: &Stream, places: &Arc<Places>, shared: &Shared) -> Option<Place> {
     while !shared.stop.load(Ordering::Relaxed) {
         let holder = shared.desk.holder().map(|(id, _)| id);

@@ -1,4 +1,4 @@
-//! The places for connections: none is lost, and the idlest gives way to who comes.
+//! The places for connections. A new connection takes the place of the one that has been idle for longest.
 
 use std::sync::{
     Arc, Mutex, MutexGuard, PoisonError,
@@ -8,15 +8,15 @@ use std::sync::{
 use super::address::Stream;
 use crate::sleeper::Nanos;
 
-/// Most connections at a time.
+/// Largest number of connections at the same time.
 pub(super) const MOST: usize = 16;
-/// No client has to give way before this, ns: enough for a line that was sent with the connection.
+/// Least time for which a client keeps its place, ns: enough for a line that it sent when it connected.
 pub(super) const LEAST_STAY: Nanos = 50_000_000;
 
-/// A connection.
+/// The number of a connection.
 pub(super) type Id = u64;
 
-/// Who has a place.
+/// The connections that have a place.
 #[derive(Debug, Default)]
 pub(super) struct Places {
     taken: Mutex<Vec<Entry>>,
@@ -27,11 +27,11 @@ pub(super) struct Places {
 struct Entry {
     id: Id,
     stream: Stream,
-    /// When it came, or said its last whole line.
+    /// Time at which it connected, or sent its last complete line.
     active: Nanos,
 }
 
-/// A place. It is given back when this is dropped, also by a panic.
+/// A place. It becomes free when this is dropped, also after a panic.
 #[derive(Debug)]
 pub(super) struct Place {
     places: Arc<Places>,
@@ -43,8 +43,8 @@ impl Places {
         self.taken.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// A place for a connection; where there is none, the idlest but `kept` gives way. `None` where all have only
-    /// just come.
+    /// A place for a connection. If no place is free, the connection that has been idle for longest ends, but never `kept`.
+    /// `None` if all others have connected less than [`LEAST_STAY`] ago.
     pub(super) fn enter(self: &Arc<Self>, stream: &Stream, kept: Option<Id>, now: Nanos) -> Option<Place> {
         let stream = stream.try_clone().ok()?;
         let mut taken = self.taken();
@@ -65,7 +65,7 @@ impl Places {
         Some(Place { places: Arc::clone(self), id })
     }
 
-    /// Places that are taken.
+    /// Number of places that are in use.
     #[cfg(test)]
     pub(super) fn count(&self) -> usize {
         self.taken().len()
@@ -73,7 +73,7 @@ impl Places {
 }
 
 impl Place {
-    /// It has said a whole line.
+    /// Notes that its client has sent a complete line.
     pub(super) fn touch(&self, now: Nanos) {
         if let Some(entry) = self.places.taken().iter_mut().find(|entry| entry.id == self.id) {
             entry.active = now;
@@ -113,7 +113,7 @@ mod tests {
         assert!(places.enter(&ours, Some(holder), LEAST_STAY).is_none(), "all have just come");
         let _new = places.enter(&ours, Some(holder), 2 * LEAST_STAY - 1).expect("the idlest gives way");
         assert_eq!(places.count(), MOST);
-        // The third: the first holds the controls, the second has spoken since.
+        // The third one ends: the first holds the controls, and the second has sent a line since.
         let mut byte = [0];
         assert_eq!(peers[2].1.read(&mut byte).expect("an end"), 0);
         for i in [0, 1, 3] {

@@ -1,4 +1,5 @@
-//! What one client says, and what it is answered; knows no socket, and no clock but the one it is told.
+//! The conversation with one client: its lines and the answers. It knows neither the socket nor a clock; every call gets the
+//! time.
 
 use std::{
     sync::{Arc, atomic::Ordering},
@@ -16,7 +17,8 @@ use crate::sleeper::Nanos;
 
 /// Slowest and fastest stream of states, Hz; 0 ends it.
 const RATES: (f64, f64) = (0.1, 100.0);
-/// A client that has not given an order of the protocol by then, or not ended the line that it has begun, is gone, ns.
+/// A client is disconnected if it has not sent a line of the protocol after this time, or has not ended a line that it has
+/// begun, ns.
 pub(super) const PATIENCE: Nanos = 5_000_000_000;
 
 /// The conversation with one client.
@@ -24,16 +26,16 @@ pub(super) const PATIENCE: Nanos = 5_000_000_000;
 pub(super) struct Session {
     client: Client,
     shared: Arc<Shared>,
-    /// It has shown the token, if one is required.
+    /// Whether it has sent the token, if one is required.
     admitted: bool,
-    /// It has said a line of the protocol.
+    /// Whether it has sent a line of the protocol.
     known: bool,
-    /// When it came, or ended its last line.
+    /// Time at which it connected, or ended its last line.
     since: Nanos,
     stream: Option<Stream>,
 }
 
-/// States of their own accord.
+/// A stream of states.
 #[derive(Clone, Copy, Debug)]
 struct Stream {
     period: Nanos,
@@ -43,7 +45,7 @@ struct Stream {
 /// The reaction to a line.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Reply {
-    /// What is said, if anything.
+    /// The answer, if there is one.
     pub(super) line: Option<Value>,
     /// Whether the connection ends.
     pub(super) ends: bool,
@@ -56,13 +58,13 @@ impl Reply {
 }
 
 impl Session {
-    /// With a client that has just connected.
+    /// A conversation with a client that has just connected.
     pub(super) fn new(client: Client, shared: Arc<Shared>, now: Nanos) -> Self {
         let admitted = shared.token.is_none();
         Self { client, shared, admitted, known: false, since: now, stream: None }
     }
 
-    /// Takes a whole line.
+    /// Takes a complete line.
     pub(super) fn line(&mut self, line: &[u8], now: Nanos) -> Reply {
         self.since = now;
         let reply = self.reply(line, now);
@@ -79,7 +81,7 @@ impl Session {
                     Ok(_) => "no command; expected a string such as \"land\"".into(),
                     Err(e) => format!("not a JSON object: {e}"),
                 };
-                // Somebody who speaks another protocol, such as a web page: nothing of what follows is meant for us.
+                // The client speaks another protocol, for example that of a web page. All that it sends is ignored.
                 return Reply { line: Some(self.refuse(Value::Null, &reason)), ends: !self.known };
             }
         };
@@ -125,7 +127,7 @@ impl Session {
         })
     }
 
-    /// Takes the token, and nothing before it.
+    /// Takes the token. Before the token, every other request is refused.
     fn admit(&mut self, request: &Map<String, Value>, id: Value) -> Reply {
         let said = request.get("token").and_then(Value::as_str);
         self.admitted = match (&self.shared.token, said) {
@@ -158,7 +160,7 @@ impl Session {
         json!({"id": id, "error": reason})
     }
 
-    /// The state that is due, if one is. Whole periods that were missed are left out.
+    /// The state, if one is due. Periods that were missed are skipped.
     pub(super) fn due(&mut self, now: Nanos) -> Option<Value> {
         let stream = self.stream.as_mut().filter(|stream| now >= stream.next)?;
         let missed = (now - stream.next) / stream.period;
@@ -166,16 +168,16 @@ impl Session {
         Some(json!({"state": self.state()}))
     }
 
-    /// How long the client may be waited for before the next state is due, at most `longest`.
+    /// Time until the next state is due, at most `longest`: the wait for the client.
     pub(super) fn patience(&self, now: Nanos, longest: Duration) -> Duration {
         let next = self.stream.map_or(longest, |s| Duration::from_nanos(s.next.saturating_sub(now)));
         next.clamp(Duration::from_millis(1), longest)
     }
 
-    /// Why a client is not waited for any longer; `begun`: it has begun a line.
+    /// Why the client must be disconnected, if it must. `begun` says whether it has begun a line.
     pub(super) fn overdue(&self, begun: bool, now: Nanos) -> Option<Value> {
         let late = now.saturating_sub(self.since) > PATIENCE && (begun || !self.known || !self.admitted);
-        late.then(|| json!({"error": "no whole order came within 5 s"}))
+        late.then(|| json!({"error": "no complete order arrived within 5 s"}))
     }
 
     fn state(&self) -> Value {

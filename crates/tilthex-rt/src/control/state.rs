@@ -1,17 +1,17 @@
-//! The newest state of the flight, as clients get it.
+//! The newest state of the flight, in the form that clients get.
 
 use serde_json::{Value, json};
 
 use crate::{log::schema, recorder::Latest};
 
-/// What the state holds besides logged values: name, type in the Python client, and what it means.
+/// Values of the state that are not logged values: name, type in the Python client, meaning.
 pub const BESIDES: [(&str, &str, &str); 3] = [
     ("late", "int", "Periods of the loop that were skipped, total."),
     ("refused", "int", "Requests on the control socket that were refused, total."),
     ("controls", "str | None", "Name of the client that holds the controls; None if no client holds them."),
 ];
 
-/// The newest state; numbers that are not finite are null. `controls`: who holds them.
+/// The newest state. Numbers that are not finite are null. `controls` is the client that holds the controls.
 pub(super) fn state(latest: &Latest, refused: u64, controls: Option<&str>) -> Value {
     let Some(tick) = &latest.tick else { return Value::Null };
     let mut state = schema::state(tick, latest.rotor_count);

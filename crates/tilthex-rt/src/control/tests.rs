@@ -1,4 +1,4 @@
-//! Conversations with clients on virtual time, and with the real loop's ring at the other end.
+//! Conversations with clients on virtual time. Their orders go into the real ring of the loop.
 
 use std::sync::{Arc, atomic::AtomicBool};
 
@@ -28,7 +28,7 @@ const FOLLOW: &str =
     r#"{"id": 1, "command": "follow", "position": [0,0,1], "rotation": [[1,0,0],[0,1,0],[0,0,1]]}"#;
 const RING: usize = 4;
 
-/// A desk, what it leads to, and a flight in hover.
+/// A desk, the rings and flags behind it, and a flight in hover.
 struct Office {
     shared: Arc<Shared>,
     commands: Consumer<Command>,
@@ -112,7 +112,7 @@ fn a_web_page_gives_no_order() {
         assert!(say(&mut office.client(), first).ends, "{first}");
     }
     assert!(!office.flags.kills() && !office.flags.lands());
-    // Somebody who has spoken the protocol may err.
+    // A client that has sent a line of the protocol may send a wrong one.
     let mut client = office.client();
     assert!(ok(&say(&mut client, r#"{"command": "state"}"#)));
     let reply = say(&mut client, "garbage");
@@ -129,7 +129,7 @@ fn kill_and_land_pass_a_full_ring_and_whoever_holds_the_controls() {
     assert!(error(&say(&mut streamer, FOLLOW)).contains("try again"));
     assert!(error(&say(&mut other, FOLLOW)).contains("client 1 holds the controls"));
     assert!(ok(&say(&mut other, r#"{"command": "land"}"#)) && office.flags.lands());
-    // Whatever else stands in the line.
+    // Other keys in the line do not matter.
     assert!(ok(&say(&mut other, r#"{"command": "kill", "why": "smoke"}"#)) && office.flags.kills());
     assert_eq!(office.commands.slots(), RING, "neither went through the ring");
     assert!(error(&say(&mut streamer, FOLLOW)).contains("killed"));

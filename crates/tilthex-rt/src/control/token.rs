@@ -1,4 +1,4 @@
-//! The token that clients beyond this computer must show.
+//! The token that clients on other computers must send.
 
 use std::path::Path;
 
@@ -6,10 +6,10 @@ use tilthex_config::files;
 
 use crate::Failure;
 
-/// A shorter one could be guessed, bytes.
+/// Least length of a token, bytes. A shorter one could be guessed.
 const SHORTEST: usize = 16;
 
-/// A secret that a client says before anything else.
+/// A secret that a client must send before any request.
 #[derive(Clone, PartialEq, Eq)]
 pub struct Token(String);
 
@@ -20,10 +20,10 @@ impl std::fmt::Debug for Token {
 }
 
 impl Token {
-    /// The token a file holds, without the blanks around it.
+    /// Reads the token in a file, without the blanks around it.
     ///
     /// # Errors
-    /// One sentence: the file cannot be read, or what it holds is too short.
+    /// One sentence: the file cannot be read, or the token is too short.
     pub fn read(path: &Path) -> Result<Self, Failure> {
         let text = files::read_text(path).map_err(|e| {
             Failure::usage(format!("the control token {} cannot be read: {e}", path.display()))
@@ -39,7 +39,7 @@ impl Token {
         Ok(Self(token.into()))
     }
 
-    /// Whether it is this one. How long that takes does not tell where the two differ.
+    /// Whether `said` is this token. The time that this takes does not depend on where the two differ.
     pub(super) fn is(&self, said: &str) -> bool {
         let (own, said) = (self.0.as_bytes(), said.as_bytes());
         let differs = own.iter().zip(said).fold(0, |differs, (a, b)| differs | (a ^ b));

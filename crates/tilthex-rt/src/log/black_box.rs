@@ -1,4 +1,4 @@
-//! The flight recorder: the last seconds in memory, written to a file of its own after a fault.
+//! The black box: keeps the last seconds of a flight in memory, and writes them to a separate file after a fault.
 
 use std::{fs::File, io::BufWriter};
 
@@ -10,9 +10,9 @@ use super::{
 };
 use tilthex_sim::{Truth, feed::Tick};
 
-/// What is kept at least, s.
+/// Least time that is kept, s.
 pub(super) const KEPT: f64 = 10.0;
-/// The memory is a chain of logs this long, s; the oldest is dropped whole.
+/// The memory is a chain of logs of this length, s. The oldest log is dropped as a whole.
 const SEGMENT: f64 = 0.5;
 const FINISHED: usize = (KEPT / SEGMENT) as usize;
 
@@ -37,7 +37,7 @@ impl BlackBox {
             self.close()?;
         }
         if self.current.is_none() {
-            // The oldest makes room for the newest: a memory that is full does not grow.
+            // If the memory is full, the newest log takes the memory of the oldest, so that it does not grow.
             let full = self.finished.len() > FINISHED;
             let mut room = if full { self.finished.pop_front().unwrap_or_default() } else { Vec::new() };
             room.clear();
@@ -59,26 +59,26 @@ impl BlackBox {
         Ok(())
     }
 
-    /// Remembers a tick.
+    /// Keeps a tick.
     ///
     /// # Errors
-    /// None in practice: memory takes it.
+    /// None in practice, because it writes to memory.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
         self.log(tick.record.input.time)?.tick(tick)
     }
 
-    /// Remembers what is true of the simulated vehicle.
+    /// Keeps a true state of the simulated vehicle.
     ///
     /// # Errors
-    /// None in practice: memory takes it.
+    /// None in practice, because it writes to memory.
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         self.log(time)?.truth(time, truth)
     }
 
-    /// Writes all that is remembered to a file.
+    /// Writes all that it keeps to a file.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn dump(&mut self, file: File) -> Result<(), McapError> {
         self.close()?;
         let options = WriteOptions::new().compression(Some(Compression::Lz4));

@@ -1,11 +1,11 @@
-//! The frame of MCAP: records, and the fields in them, read without trust in what they say.
+//! The records of MCAP and their fields. The bytes are not trusted.
 
-/// What a log begins and ends with.
+/// The bytes with which a log begins and ends.
 pub(super) const MAGIC: &[u8] = mcap::MAGIC;
-/// Kind and length of a record.
+/// Length of the kind and the length of a record, bytes.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
 
-/// Fields of a record from its front; each is `None` beyond its end.
+/// Reads the fields of a record from its begin. A field after the end of the record is `None`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 
@@ -36,13 +36,13 @@ impl<'a> Fields<'a> {
         self.array().map(u64::from_le_bytes)
     }
 
-    /// Bytes behind a length of 32 bits.
+    /// Bytes that follow their length, which has 32 bits.
     pub(super) fn bytes(&mut self) -> Option<&'a [u8]> {
         let length = self.u32()?;
         self.take(usize::try_from(length).ok()?)
     }
 
-    /// Bytes behind a length of 64 bits.
+    /// Bytes that follow their length, which has 64 bits.
     pub(super) fn long_bytes(&mut self) -> Option<&'a [u8]> {
         let length = self.u64()?;
         self.take(usize::try_from(length).ok()?)
@@ -52,7 +52,7 @@ impl<'a> Fields<'a> {
         std::str::from_utf8(self.bytes()?).ok()
     }
 
-    /// Names and texts.
+    /// A map of names and texts.
     pub(super) fn map(&mut self) -> Option<Vec<(&'a str, &'a str)>> {
         let mut inner = Fields(self.bytes()?);
         let mut found = Vec::new();
@@ -87,7 +87,7 @@ impl<'a> MessageRecord<'a> {
     }
 }
 
-/// A chunk, packed.
+/// A packed chunk.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct ChunkRecord<'a> {
     pub(super) size: u64,
@@ -105,7 +105,7 @@ impl<'a> ChunkRecord<'a> {
     }
 }
 
-/// The name of a record's kind; `None` where MCAP has no such kind.
+/// The name of a record's kind; `None` if MCAP has no such kind.
 pub(super) fn kind_name(kind: u8) -> Option<&'static str> {
     use mcap::records::op;
     Some(match kind {

@@ -1,4 +1,5 @@
-//! The file of a log: it replaces nothing unasked, belongs to one flight, and tells when somebody takes it away.
+//! The file of a log. It replaces another file only if this is allowed, belongs to one flight, and reports if it is moved or
+//! deleted.
 
 use std::{
     fs::{self, File},
@@ -16,7 +17,7 @@ use tilthex_config::files;
 
 use crate::Failure;
 
-/// Names that are tried for a report beside those that are there.
+/// Largest number of names that are tried to find one that does not exist.
 const MAX_REPORTS: u32 = 10_000;
 
 /// The open file of a log.
@@ -26,47 +27,47 @@ pub struct LogFile {
     path: PathBuf,
 }
 
-/// What became of a log's file while it was written.
+/// The place of a log's file while it is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Whereabouts {
-    /// It is where it was.
+    /// It has its name.
     InPlace,
-    /// It has no name any more: nothing will be left of it.
+    /// It was deleted: nothing will be left of it.
     Deleted,
-    /// It is there under another name.
+    /// It has another name.
     Moved,
 }
 
 impl LogFile {
-    /// A file that is open already, under a name.
+    /// A file that is already open, and its name.
     #[must_use]
     pub fn new(file: File, path: PathBuf) -> Self {
         Self { file, path }
     }
 
-    /// Whether a log may be written there, before there is anything to write.
+    /// Tests whether a log may be written to a path, without writing it.
     ///
     /// # Errors
-    /// One sentence: what is there.
+    /// One sentence: what exists at this path.
     pub fn check(path: &Path, overwrite: bool) -> Result<(), Failure> {
         if fs::symlink_metadata(path).is_err() {
-            // Nothing is there, or its folder is not: creating it says which.
+            // The file or its folder does not exist. If it is the folder, `create` reports it.
             return Ok(());
         }
         match files::check(path) {
             Ok(()) if overwrite => Ok(()),
             Ok(()) => Err(exists(path, "exists")),
             Err(e) if e.kind() == ErrorKind::NotFound => {
-                Err(exists(path, "is a symbolic link that leads nowhere"))
+                Err(exists(path, "is a symbolic link to a file that does not exist"))
             }
             Err(e) => Err(refused(path, &e)),
         }
     }
 
-    /// Creates a log, or empties the one that is there where that is allowed, and locks it.
+    /// Creates a log, or empties an existing one if that is allowed, and locks it.
     ///
     /// # Errors
-    /// One sentence: what is there, who writes it, why it cannot be written.
+    /// One sentence: the file exists, another program writes it, or it cannot be written.
     pub fn create(path: &Path, overwrite: bool) -> Result<Self, Failure> {
         Self::check(path, overwrite)?;
         let mut options = File::options();
@@ -79,7 +80,7 @@ impl LogFile {
             ErrorKind::AlreadyExists => exists(path, "exists"),
             _ => refused(path, &e),
         })?;
-        // A file system without locks is no reason not to fly.
+        // If the file system has no locks, the vehicle flies without this test.
         if let Err(Errno::WOULDBLOCK) = flock(&file, FlockOperation::NonBlockingLockExclusive) {
             return Err(refused(path, &"another program writes its log there"));
         }
@@ -89,10 +90,10 @@ impl LogFile {
         Ok(Self { file, path: path.into() })
     }
 
-    /// A file beside those that are there: a number is put before its last ending where the name is taken.
+    /// Creates a new file. If the name exists, a number is added to it before the ending.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn create_beside(path: &Path) -> std::io::Result<(File, PathBuf)> {
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         let numbered = (2..MAX_REPORTS).map(|n| path.with_file_name(format!("{stem}-{n}.mcap")));
@@ -113,15 +114,15 @@ impl LogFile {
         &self.path
     }
 
-    /// Another handle on it, to write to.
+    /// Another handle of the file, for writing.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn handle(&self) -> std::io::Result<File> {
         self.file.try_clone()
     }
 
-    /// Where it is now.
+    /// Its present place.
     #[must_use]
     pub fn whereabouts(&self) -> Whereabouts {
         let Ok(own) = self.file.metadata() else { return Whereabouts::InPlace };
@@ -135,7 +136,7 @@ impl LogFile {
 
 fn exists(path: &Path, how: &str) -> Failure {
     Failure::usage(format!(
-        "the log {} {how}; name a file that is not there with --log, or allow with --overwrite to replace it",
+        "the log {} {how}; name a file that does not exist with --log, or allow with --overwrite to replace it",
         path.display()
     ))
 }

@@ -1,4 +1,4 @@
-//! The channels of a flight and what goes into each.
+//! The channels of a flight, and their content.
 
 use std::io::Write;
 
@@ -15,17 +15,17 @@ use super::{
 };
 use tilthex_sim::{Truth, feed::Tick};
 
-/// One tick in this many logs the frames for 3D viewers.
+/// Number of ticks from one log of the frames for 3D viewers to the next.
 const TRANSFORM_EVERY: u64 = 5;
 
-/// From the monotonic clock to time since 1970.
+/// Converts times of the monotonic clock to times since 1970.
 #[derive(Clone, Copy, Debug)]
 pub struct Epoch {
     offset: i64,
 }
 
 impl Epoch {
-    /// From the two clocks now.
+    /// Compares the two clocks now.
     #[must_use]
     pub fn now() -> Self {
         use crate::sleeper::{Clock, Monotonic};
@@ -33,21 +33,21 @@ impl Epoch {
         Self { offset: unix.as_nanos() as i64 - Monotonic.now() as i64 }
     }
 
-    /// Nanoseconds since 1970 of a monotonic time in seconds.
+    /// Converts a monotonic time in seconds to nanoseconds since 1970.
     #[must_use]
     pub fn unix_ns(self, time: f64) -> u64 {
         (self.offset + (time * 1e9) as i64).max(0) as u64
     }
 }
 
-/// What a log is attached: with the inputs, all that a replay needs.
+/// The attachments of a log. Together with the inputs they are all that a replay needs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Attachments {
     /// The complete effective configuration, TOML.
     pub config: String,
-    /// The trajectory file, TOML, where one was flown.
+    /// The trajectory file, TOML, if one was flown.
     pub trajectory: Option<String>,
-    /// Whether it took off without an order.
+    /// Whether the vehicle took off without an order.
     pub take_off: bool,
 }
 
@@ -78,11 +78,11 @@ struct Topics {
     transforms: Topic,
 }
 
-/// The topic and the message of a tick on it.
+/// A topic, and its message of a tick.
 pub type TickMessage = (&'static str, Vec<u8>);
 
-/// The messages of a tick that follow from its inputs, in the order in which they are logged, for a vehicle's number of
-/// rotors.
+/// The messages of a tick that depend only on its inputs, in the order in which they are logged. `rotor_count` is the
+/// vehicle's number of rotors.
 #[must_use]
 pub fn tick_messages(tick: &Tick, rotor_count: usize) -> [TickMessage; REPLAYED.len()] {
     std::array::from_fn(|i| {
@@ -93,10 +93,10 @@ pub fn tick_messages(tick: &Tick, rotor_count: usize) -> [TickMessage; REPLAYED.
 }
 
 impl<W: Write> FlightLog<W> {
-    /// Begins a log: channels, schemas, attachments.
+    /// Begins a log: writes channels, schemas and attachments.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn new(
         file: W,
         index: Index,
@@ -133,7 +133,7 @@ impl<W: Write> FlightLog<W> {
     /// Logs a tick.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn tick(&mut self, tick: &Tick) -> Result<(), McapError> {
         let (t, record) = (self.topics, &tick.record);
         let time = self.epoch.unix_ns(record.input.time);
@@ -153,7 +153,7 @@ impl<W: Write> FlightLog<W> {
         self.changes(tick, time)
     }
 
-    /// A line for each text from the vehicle, new phase and new fault.
+    /// Logs a line for each text from the vehicle, new phase and new fault.
     fn changes(&mut self, tick: &Tick, time: u64) -> Result<(), McapError> {
         let record = &tick.record;
         if let Some((severity, text)) = tick.wire.text {
@@ -185,30 +185,30 @@ impl<W: Write> FlightLog<W> {
         self.log.put(self.topics.lines, time, |out| line.encode_raw(out))
     }
 
-    /// Logs an order, as it was given at a monotonic time in seconds; an urgent one is a flag of the next input.
+    /// Logs an order as the client sent it, at a monotonic time in seconds. An urgent order is also a flag of the next input.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn command(&mut self, time: f64, json: &str, urgent: bool) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
         let order = Order { json: json.into(), urgent };
         self.log.put(self.topics.command, at, |out| COMMAND.encode(&order, 0, out))
     }
 
-    /// Logs what is true of the simulated vehicle at a monotonic time in seconds.
+    /// Logs the true state of the simulated vehicle at a monotonic time in seconds.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn truth(&mut self, time: f64, truth: &Truth) -> Result<(), McapError> {
         let at = self.epoch.unix_ns(time);
         let (timed, rotor_count) = ((time, *truth), self.rotor_count);
         self.log.put(self.topics.truth, at, |out| TRUTH.encode(&timed, rotor_count, out))
     }
 
-    /// Writes what is held back.
+    /// Writes all data that are still in memory.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn flush(&mut self) -> Result<(), McapError> {
         self.log.flush()
     }
@@ -216,13 +216,13 @@ impl<W: Write> FlightLog<W> {
     /// Ends the log with its index.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn finish(self) -> Result<W, McapError> {
         self.log.finish()
     }
 }
 
-/// The names of faults, comma separated.
+/// The names of faults, separated by commas.
 #[must_use]
 pub fn fault_names(faults: FaultSet) -> String {
     let names: Vec<_> = TABLE.iter().filter(|row| faults.contains(row.fault)).map(|row| row.name).collect();

@@ -1,4 +1,4 @@
-//! Messages as they are read: what a replay needs of the declared ones, and the well-known ones that viewers read.
+//! The messages that are read: the declared ones that a replay needs, and well-known ones for viewers.
 
 use prost::Message;
 use tilthex_core::{Matrix3, PoseSample, flight::HostFacts};
@@ -9,10 +9,10 @@ pub(super) mod foxglove {
     include!(concat!(env!("OUT_DIR"), "/foxglove.rs"));
 }
 
-/// The serialised `FileDescriptorSet` of those.
+/// The serialised `FileDescriptorSet` of the well-known messages.
 pub(super) const FOXGLOVE: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/descriptors.bin"));
 
-/// Of `/input`.
+/// The message of `/input`.
 #[derive(Clone, PartialEq, Message)]
 pub(crate) struct Input {
     #[prost(uint64, tag = "1")]
@@ -38,12 +38,12 @@ pub(crate) struct Input {
 }
 
 impl Input {
-    /// The poses, to the bit; `None` where one is incomplete.
+    /// The poses, bit for bit; `None` if one is incomplete.
     pub(crate) fn poses(&self) -> Option<Vec<PoseSample>> {
         self.poses.iter().map(Pose::sample).collect()
     }
 
-    /// What only the host could see.
+    /// The facts that only the host could observe.
     pub(crate) fn host(&self) -> HostFacts {
         HostFacts {
             land: self.land,
@@ -92,7 +92,7 @@ struct Vector3 {
     z: f64,
 }
 
-/// Of `/command`.
+/// The message of `/command`.
 #[derive(Clone, PartialEq, Message)]
 pub(crate) struct Command {
     #[prost(string, tag = "1")]
@@ -108,7 +108,7 @@ mod tests {
     use tilthex_core::{Vector3, flight::MAX_POSES, so3};
     use tilthex_sim::feed::Tick;
 
-    /// What the tables write, the structs above read.
+    /// The structs above read what the tables write.
     #[test]
     fn an_input_is_read_as_it_was_written() {
         let mut tick = Tick::default();

@@ -1,4 +1,4 @@
-//! Reads a log back: all of a whole one, all that is there of one that breaks off, nothing of a damaged one.
+//! Reads a log: a complete log, or all that exists of a log that breaks off. A damaged log is refused.
 
 use std::{collections::BTreeMap, fs::File, io::Read, path::Path};
 
@@ -11,7 +11,7 @@ use super::{
     unpack::unpack,
 };
 
-/// A log in memory, found sound.
+/// A log in memory that was checked and is not damaged.
 #[derive(Debug)]
 pub struct LogReader {
     bytes: Vec<u8>,
@@ -19,21 +19,22 @@ pub struct LogReader {
 }
 
 impl LogReader {
-    /// A log from its bytes.
+    /// Checks the bytes of a log.
     ///
     /// # Errors
-    /// What follows "the file" in a sentence: is no MCAP file, is damaged and where, is no log of a flight.
+    /// The part of a sentence that follows "the file": it is not an MCAP file, is damaged (and where), or is not a log of a
+    /// flight.
     pub fn new(bytes: Vec<u8>) -> Result<Self, String> {
         let found = scan(&bytes)?;
         if found.attachments.config.is_empty() {
             return Err(match found.cut {
                 Some(Cut { size, .. }) if found.times.is_none() => {
                     format!(
-                        "breaks off after {size} bytes, before the configuration that a log begins with: nothing can be read"
+                        "breaks off after {size} bytes, before the configuration at the begin of a log: nothing can be read"
                     )
                 }
                 _ => format!(
-                    "is an MCAP file, written by \"{}\", but no log of tilthex-rt: no configuration (config.toml) is attached",
+                    "is an MCAP file, written by \"{}\", but not a log of tilthex-rt: no configuration (config.toml) is attached",
                     found.library.escape_debug()
                 ),
             });
@@ -44,7 +45,7 @@ impl LogReader {
     /// Reads a file.
     ///
     /// # Errors
-    /// As [`Self::new`], or why the file cannot be read.
+    /// Errors of [`Self::new`], or why the file cannot be read.
     pub fn open(path: &Path) -> Result<Self, String> {
         let read = || {
             let mut bytes = Vec::new();
@@ -55,25 +56,25 @@ impl LogReader {
         Self::new(bytes)
     }
 
-    /// What is attached.
+    /// Its attachments.
     #[must_use]
     pub fn attachments(&self) -> &Attachments {
         &self.found.attachments
     }
 
-    /// Its channels by their number.
+    /// Its channels, by their numbers.
     #[must_use]
     pub fn channels(&self) -> &BTreeMap<u16, Channel> {
         &self.found.channels
     }
 
-    /// Where it breaks off; `None` for a whole log.
+    /// Where it breaks off; `None` for a complete log.
     #[must_use]
     pub fn cut(&self) -> Option<Cut> {
         self.found.cut
     }
 
-    /// What is missing of a log that breaks off, as a sentence; `None` for a whole log.
+    /// A sentence that says what is missing, if the log breaks off; `None` for a complete log.
     #[must_use]
     pub fn missing(&self) -> Option<String> {
         let cut = self.found.cut?;
@@ -86,14 +87,15 @@ impl LogReader {
             format!("the log breaks off in its index at byte {}: no message is missing{left_out}", cut.read)
         } else {
             format!(
-                "the log breaks off {seconds:.3} s after its first message, at byte {} of {}: what came later is missing (0.5 \
-                 s at most where the program was killed){left_out}",
+                "the log breaks off {seconds:.3} s after its first message, at byte {} of {}: the rest is missing (0.5 s at \
+                 most if the program was killed){left_out}",
                 cut.read, cut.size
             )
         })
     }
 
-    /// Calls `each` with channel and bytes of every message, in the order of the file, up to where it ends or breaks off.
+    /// Calls `each` with the channel and the bytes of every message, in the order of the file, until the log ends or breaks
+    /// off.
     pub fn each(&self, mut each: impl FnMut(&Channel, &[u8])) {
         let mut give = |body: Fields<'_>| {
             if let Some(message) = MessageRecord::read(body)
@@ -106,7 +108,7 @@ impl LogReader {
         while let Some((kind, body)) = rest.record() {
             match kind {
                 op::MESSAGE => give(body),
-                // Sound, or the first pass had refused it.
+                // It is not damaged: the first pass would have refused it.
                 op::CHUNK => {
                     let unpacked = ChunkRecord::read(body).and_then(|chunk| unpack(&chunk).ok());
                     let mut inner = Fields(unpacked.as_deref().unwrap_or_default());

@@ -1,4 +1,4 @@
-//! Goes through a log once, from front to end, and says what is there, what is damaged and what is missing.
+//! Reads a log once from begin to end, and reports what it holds, what is damaged and what is missing.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::{
     unpack::unpack,
 };
 
-/// Largest record, bytes: more is a damaged length.
+/// Largest record, bytes. A larger length is damaged.
 const MAX_RECORD: u64 = 256 << 20;
 /// All chunks together unpack to at most this many times the file's size. Flights unpack to about 4 times.
 const MAX_RATIO: u64 = 50;
@@ -33,21 +33,21 @@ pub struct Cut {
     pub read: u64,
     /// Bytes of the file.
     pub size: u64,
-    /// All messages are there, and only the index behind them is not.
+    /// Whether only the index after the messages is missing.
     pub index_only: bool,
 }
 
-/// What one pass over a log finds.
+/// The result of one pass over a log.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Scan {
     pub(super) attachments: Attachments,
-    /// What wrote it.
+    /// The program that wrote it.
     pub(super) library: String,
     pub(super) channels: BTreeMap<u16, Channel>,
     /// Times of the first and of the last message, ns.
     pub(super) times: Option<(u64, u64)>,
     pub(super) cut: Option<Cut>,
-    /// Where the records of the data section lie.
+    /// End of the records of the data section.
     pub(super) end: usize,
     schemas: BTreeMap<u16, String>,
     /// Where the data section ended.
@@ -55,10 +55,10 @@ pub(super) struct Scan {
     unpacked: u64,
 }
 
-/// One pass.
+/// Reads a log once.
 ///
 /// # Errors
-/// A sentence: no MCAP file, or where it is damaged.
+/// The part of a sentence that follows "the file": it is not an MCAP file, or where it is damaged.
 pub(super) fn scan(bytes: &[u8]) -> Result<Scan, String> {
     let mut found = Scan::default();
     if !bytes.starts_with(MAGIC) {
@@ -66,22 +66,22 @@ pub(super) fn scan(bytes: &[u8]) -> Result<Scan, String> {
             found.cut_at(0, bytes);
             return Ok(found);
         }
-        return Err("is no MCAP file: it does not begin as one".into());
+        return Err("is not an MCAP file: its first bytes are wrong".into());
     }
-    // What ends as a log should was not cut.
+    // A log with the right end was not cut.
     let whole = bytes.len() > MAGIC.len() && bytes.ends_with(MAGIC);
     let mut at = MAGIC.len();
     loop {
         let rest = bytes.get(at..).unwrap_or_default();
         let damaged = |kind: &str, what: &str| Err(format!("is damaged at byte {at} ({kind}): {what}"));
-        // A machine that loses its power leaves zeros.
+        // If a computer loses its power, the file may end with zeros.
         if !whole && (rest.len() < RECORD_HEAD || rest.iter().all(|&byte| byte == 0)) {
             found.cut_at(at, bytes);
             return Ok(found);
         }
         let mut fields = Fields(rest);
         let (Some(kind), Some(length)) = (fields.u8(), fields.u64()) else {
-            return damaged("no record", "the end of the file comes before the log's");
+            return damaged("no record", "the file ends before the log");
         };
         let Some(name) = kind_name(kind) else {
             return damaged("no record", &format!("there is no record of kind {kind}"));
@@ -93,7 +93,7 @@ pub(super) fn scan(bytes: &[u8]) -> Result<Scan, String> {
             if whole || length > MAX_RECORD {
                 return damaged(
                     name,
-                    &format!("its length of {length} bytes leads beyond the end of the file"),
+                    &format!("its length of {length} bytes goes beyond the end of the file"),
                 );
             }
             found.cut_at(at, bytes);
@@ -131,13 +131,13 @@ impl Scan {
         }
     }
 
-    /// Takes in a record, which begins at a byte of the file.
+    /// Reads a record that begins at the byte `at` of the file.
     fn take(&mut self, kind: u8, mut body: Fields<'_>, at: usize, bytes: &[u8]) -> Result<(), String> {
         let short = || String::from("its fields do not fit into it");
         if self.data_end.is_some()
             && matches!(kind, op::CHUNK | op::MESSAGE | op::ATTACHMENT | op::METADATA | op::DATA_END)
         {
-            return Err("it lies behind the end of the data".into());
+            return Err("it is after the end of the data".into());
         }
         match kind {
             op::HEADER => {
@@ -159,7 +159,7 @@ impl Scan {
                 let mut inner = Fields(&unpacked);
                 while !inner.0.is_empty() {
                     let place = unpacked.len() - inner.0.len();
-                    let within = |what: String| format!("at byte {place} of what it unpacks to, {what}");
+                    let within = |what: String| format!("at byte {place} of its unpacked data, {what}");
                     let (kind, body) =
                         inner.record().ok_or_else(|| within("a record does not end".into()))?;
                     match kind {
@@ -190,13 +190,13 @@ impl Scan {
                 }
             }
             op::FOOTER => {
-                let begin = self.data_end.ok_or("the end of the data does not come before it")?;
+                let begin = self.data_end.ok_or("no end of the data comes before it")?;
                 let summary = body.u64().ok_or_else(short)?;
                 body.u64().ok_or_else(short)?;
                 let sum = body.u32().ok_or_else(short)?;
                 if summary != 0 && summary != begin as u64 {
                     return Err(format!(
-                        "it says that the summary begins at byte {summary}; it begins at {begin}"
+                        "it announces that the summary begins at byte {summary}, but it begins at {begin}"
                     ));
                 }
                 let covered = bytes.get(begin..at + RECORD_HEAD + 16).unwrap_or_default();
@@ -211,7 +211,7 @@ impl Scan {
         Ok(())
     }
 
-    /// Takes in a schema or a channel.
+    /// Reads a schema or a channel.
     fn declare(&mut self, kind: u8, mut body: Fields<'_>) -> Option<()> {
         let id = body.u16()?;
         if kind == op::SCHEMA {
@@ -225,7 +225,7 @@ impl Scan {
     }
 
     fn message(&mut self, body: Fields<'_>) -> Result<(), String> {
-        let message = MessageRecord::read(body).ok_or("a message is shorter than its head")?;
+        let message = MessageRecord::read(body).ok_or("a message is shorter than its header")?;
         if !self.channels.contains_key(&message.channel) {
             return Err(format!("a message is of channel {}, which is not declared", message.channel));
         }
@@ -248,7 +248,7 @@ impl Scan {
             return Err("its check sum does not match".into());
         }
         let text =
-            || String::from_utf8(data.to_vec()).map_err(|_| format!("{} is no text", name.escape_debug()));
+            || String::from_utf8(data.to_vec()).map_err(|_| format!("{} is not text", name.escape_debug()));
         match name {
             CONFIG => self.attachments.config = text()?,
             TRAJECTORY => self.attachments.trajectory = Some(text()?),

@@ -52,7 +52,7 @@ impl TickChannel {
     }
 }
 
-/// The values of a tick that clients get, by their names in the state.
+/// The values of a tick that clients get, with their names in the state.
 pub(crate) fn state(tick: &Tick, rotor_count: usize) -> Map<String, Value> {
     let mut state = Map::new();
     for channel in &REPLAYED {
@@ -108,7 +108,7 @@ fn enumeration<const N: usize>(name: &str, values: [&str; N]) -> EnumDescriptorP
     }
 }
 
-/// A logged value as the documentation shows it.
+/// A logged value, for the documentation.
 #[derive(Clone, Debug)]
 pub struct DescribedField {
     /// Its number in the message.
@@ -117,26 +117,26 @@ pub struct DescribedField {
     pub name: &'static str,
     /// Its type in the schema.
     pub kind: String,
-    /// Its unit; empty where it has none.
+    /// Its unit; empty if it has none.
     pub unit: &'static str,
-    /// Its name in the state of the control socket; empty where it is not there.
+    /// Its name in the state of the control socket; empty if the state does not hold it.
     pub state: &'static str,
     /// Its type in the state of the Python client.
     pub python: &'static str,
-    /// What it means.
+    /// Its meaning.
     pub doc: &'static str,
 }
 
-/// A channel, or a message within others, as the documentation shows it.
+/// A channel, or a message inside others, for the documentation.
 #[derive(Clone, Debug)]
 pub struct DescribedChannel {
-    /// Its topic; empty for a message within others.
+    /// Its topic; empty for a message inside others.
     pub topic: &'static str,
     /// The name of its message.
     pub message: &'static str,
-    /// What it holds.
+    /// Its content.
     pub doc: &'static str,
-    /// The name under which its values stand together in the state; empty where they stand alone.
+    /// The name of the group of its values in the state; empty if they are not a group.
     pub state: &'static str,
     /// Its values.
     pub fields: Vec<DescribedField>,
@@ -159,7 +159,7 @@ fn other<S>(topic: &'static str, message: &Message<S>) -> DescribedChannel {
     DescribedChannel { topic, message: message.name, doc: message.doc, state: "", fields: fields(message) }
 }
 
-/// Every channel of a flight and every message within them, for the documentation.
+/// Every channel of a flight and every message inside them, for the documentation.
 #[must_use]
 pub fn described() -> Vec<DescribedChannel> {
     let of_a_tick = REPLAYED.iter().chain([&TIMED]).map(|channel| DescribedChannel {

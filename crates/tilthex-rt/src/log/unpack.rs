@@ -1,4 +1,4 @@
-//! Chunks, unpacked to no more than they say they hold.
+//! Unpacks chunks, to at most the size that they announce.
 
 use std::io::Read;
 
@@ -10,10 +10,10 @@ const MAX_CHUNK: u64 = 64 << 20;
 /// Unpacks a chunk and compares its check sum.
 ///
 /// # Errors
-/// What is wrong with it, to stand behind its place in the file.
+/// What is wrong with it: the part of a sentence that follows its place in the file.
 pub(super) fn unpack(chunk: &ChunkRecord<'_>) -> Result<Vec<u8>, String> {
     if chunk.size > MAX_CHUNK {
-        return Err(format!("it says that it unpacks to {} bytes; expected at most {MAX_CHUNK}", chunk.size));
+        return Err(format!("it announces {} unpacked bytes; expected at most {MAX_CHUNK}", chunk.size));
     }
     let unpacked = match chunk.compression {
         "" => Ok(chunk.packed.to_vec()),
@@ -26,16 +26,16 @@ pub(super) fn unpack(chunk: &ChunkRecord<'_>) -> Result<Vec<u8>, String> {
     let unpacked = unpacked.map_err(|e| format!("it cannot be unpacked ({} {e})", chunk.compression))?;
     if unpacked.len() as u64 != chunk.size {
         let more = if unpacked.len() as u64 > chunk.size { "more" } else { "fewer" };
-        return Err(format!("it unpacks to {more} than the {} bytes that it says", chunk.size));
+        return Err(format!("it unpacks to {more} than the {} bytes that it announces", chunk.size));
     }
-    // 0 stands for none.
+    // 0 means that there is no check sum.
     if chunk.check_sum != 0 && crc32fast::hash(&unpacked) != chunk.check_sum {
         return Err("its check sum does not match".into());
     }
     Ok(unpacked)
 }
 
-/// At most one byte more than expected, so that more shows and is not held.
+/// Reads at most one byte more than expected, so that a chunk that is too long is noticed but not kept.
 fn read(reader: impl Read, size: u64) -> std::io::Result<Vec<u8>> {
     let mut unpacked = Vec::new();
     reader.take(size + 1).read_to_end(&mut unpacked)?;

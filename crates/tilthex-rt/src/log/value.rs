@@ -1,4 +1,4 @@
-//! How a declared value is taken from its source, written into a message, described in a schema, and shown to clients.
+//! How a declared value is read from its source, written to a message, described in the schema, and sent to clients.
 
 use prost::encoding::{self, WireType};
 use prost_types::{
@@ -16,7 +16,7 @@ use tilthex_core::{
 
 use super::values::{POSE, QUATERNION, VECTOR, WRENCH};
 
-/// A value as it is taken from a source `S`; its kind decides how it is logged and shown.
+/// How to read a value from a source `S`. The kind of the value decides how it is logged and sent to clients.
 pub(super) enum Get<S> {
     Number(fn(&S) -> f64),
     Flag(fn(&S) -> bool),
@@ -28,7 +28,7 @@ pub(super) enum Get<S> {
     Vector(fn(&S) -> Vector3),
     /// Logged as a quaternion.
     Rotation(fn(&S) -> Matrix3),
-    /// Logged as nine numbers, row by row, which hold it to the bit.
+    /// Logged as nine numbers, row by row, so that no bit is lost.
     Matrix(fn(&S) -> Matrix3),
     Wrench(fn(&S) -> Wrench),
     Rotors(fn(&S) -> RotorVector),
@@ -39,12 +39,13 @@ pub(super) enum Get<S> {
 
 /// A logged value, declared once.
 pub(super) struct Field<S> {
-    /// Its number in the message: given once and for all.
+    /// Its number in the message. It never changes.
     pub(super) number: u32,
     pub(super) name: &'static str,
-    /// Its unit; empty where it has none.
+    /// Its unit; empty if it has none.
     pub(super) unit: &'static str,
-    /// Its name in the state of the control socket; empty where it is not there. A wrench is there as `force` and `torque`.
+    /// Its name in the state of the control socket; empty if the state does not hold it. The state holds a wrench as `force`
+    /// and `torque`.
     pub(super) state: &'static str,
     pub(super) doc: &'static str,
     pub(super) get: Get<S>,
@@ -69,7 +70,7 @@ pub(super) const fn field<S>(
     Field { number, name, unit, state, doc, get }
 }
 
-/// The number of a phase in the log; those that are there never change.
+/// The phases in the order of their numbers in the log. Numbers never change.
 pub(super) const PHASES: [Phase; 7] = [
     Phase::Disarmed,
     Phase::Starting,
@@ -80,7 +81,7 @@ pub(super) const PHASES: [Phase; 7] = [
     Phase::Emergency,
 ];
 
-/// Likewise of what the allocator gives up.
+/// The parts that the allocator can give up, in the order of their numbers in the log. Numbers never change.
 pub(super) const PARTS: [Option<Priority>; 5] = [
     None,
     Some(Priority::RollPitchTorque),
@@ -117,7 +118,7 @@ impl<S> Message<S> {
         }
     }
 
-    /// Puts what clients get of a source into their state.
+    /// Adds the values of a source that clients get to their state.
     pub(super) fn show(&self, source: &S, rotor_count: usize, state: &mut Map<String, Value>) {
         for field in self.fields.iter().filter(|field| !field.state.is_empty()) {
             if let Get::Wrench(get) = field.get {
@@ -132,7 +133,7 @@ impl<S> Message<S> {
 }
 
 impl<S> Field<S> {
-    /// As `prost` encodes a field of its kind: the default of a number is left out, a message never is.
+    /// Encodes the field like `prost`: a number that has its default value is left out, a message never is.
     fn encode(&self, source: &S, rotor_count: usize, out: &mut Vec<u8>) {
         use encoding as e;
         let n = self.number;
@@ -184,7 +185,7 @@ impl<S> Field<S> {
         matches!(self.get, Get::Matrix(_) | Get::Rotors(_) | Get::Poses(_))
     }
 
-    /// Its type in the schema; of a message or an enumeration, its name too.
+    /// Its type in the schema; for a message or an enumeration also the name of that.
     fn kind(&self) -> (Type, Option<&'static str>) {
         match self.get {
             Get::Number(_) | Get::Matrix(_) | Get::Rotors(_) => (Type::Double, None),
@@ -203,14 +204,14 @@ impl<S> Field<S> {
         }
     }
 
-    /// Its type in words, as the schema has it.
+    /// The name of its type in the schema.
     pub(super) fn kind_name(&self) -> String {
         let (kind, message) = self.kind();
         let name = message.map_or_else(|| kind.as_str_name()[5..].to_lowercase(), str::to_owned);
         if self.is_list() { format!("repeated {name}") } else { name }
     }
 
-    /// The type that the state of the Python client has for it, and its shape.
+    /// Its type in the state of the Python client.
     pub(super) fn python(&self) -> &'static str {
         match self.get {
             Get::Number(_) => "float | None",
@@ -224,7 +225,7 @@ impl<S> Field<S> {
         }
     }
 
-    /// What a client gets of it, in JSON; a number that is not finite is null.
+    /// The JSON value that a client gets. A number that is not finite is null.
     fn value(&self, source: &S, rotor_count: usize) -> Value {
         match self.get {
             Get::Number(get) => json!(get(source)),
@@ -249,7 +250,7 @@ impl<S> Field<S> {
     }
 }
 
-/// What all names of the schema begin with.
+/// The package of all names in the schema.
 pub(super) const PACKAGE: &str = "tilthex";
 
 fn encode_unless<T: PartialEq>(value: T, default: T, encode: impl FnOnce(&T)) {

@@ -224,7 +224,7 @@ pub(super) const COMMAND: Message<Order> = Message {
     ],
 };
 
-/// What is true of the simulated vehicle, at a monotonic time in seconds.
+/// A true state of the simulated vehicle, with its monotonic time in seconds.
 pub(super) type Timed = (f64, Truth);
 
 pub(super) const TRUTH: Message<Timed> = Message {
@@ -242,18 +242,18 @@ pub(super) const TRUTH: Message<Timed> = Message {
     ],
 };
 
-/// What a channel of a tick holds.
+/// The content of a channel of a tick.
 pub(super) enum Content {
     Tick(&'static Message<Tick>),
     Target(&'static Message<Setpoint>, fn(&Tick) -> &Setpoint),
 }
 
-/// A channel with one message a tick.
+/// A channel with one message per tick.
 pub(super) struct TickChannel {
     pub(super) topic: &'static str,
     pub(super) doc: &'static str,
     pub(super) content: Content,
-    /// The name under which its values stand together in the state of the control socket; empty where they stand alone.
+    /// The name of the group of its values in the state of the control socket; empty if they are not a group.
     pub(super) state: &'static str,
 }
 
@@ -261,7 +261,7 @@ const fn channel(topic: &'static str, message: &'static Message<Tick>, state: &'
     TickChannel { topic, doc: message.doc, content: Content::Tick(message), state }
 }
 
-/// The channels that follow from the inputs of a tick, in the order in which they are logged; a replay compares them.
+/// The channels that depend only on the inputs of a tick, in the order in which they are logged. A replay compares them.
 pub(super) const REPLAYED: [TickChannel; 11] = [
     channel("/state", &STATE, ""),
     TickChannel {
@@ -286,5 +286,5 @@ pub(super) const REPLAYED: [TickChannel; 11] = [
     channel("/output", &OUTPUT, ""),
 ];
 
-/// How punctual the tick was, which no replay repeats.
+/// The timing of the tick, which a replay cannot repeat.
 pub(super) const TIMED: TickChannel = channel("/timing", &TIMING, "");

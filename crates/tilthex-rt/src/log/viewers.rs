@@ -29,7 +29,7 @@ pub(super) fn level(severity: Severity) -> foxglove::log::Level {
     }
 }
 
-/// Where a frame is in the world, for 3D viewers.
+/// The pose of a frame in the world, for 3D viewers.
 pub(super) fn transform(
     ns: u64,
     child: &str,

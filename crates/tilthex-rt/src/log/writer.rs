@@ -1,5 +1,5 @@
-//! An MCAP file of protobuf messages: a schema on every channel, and readable
-//! up to its last flush whatever happens to the program.
+//! Writes an MCAP file of protobuf messages with a schema for every channel. The file can be read up to its last flush, even
+//! if the program is killed.
 
 use std::{collections::BTreeMap, io::Write};
 
@@ -9,12 +9,12 @@ use mcap::{Attachment, Compression, McapError, WriteOptions, records::MessageHea
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Topic(u16);
 
-/// Whether a log says where in it things are.
+/// Whether a log has an index.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Index {
-    /// For files, which are searched.
+    /// With an index: for files, in which programs search.
     Written,
-    /// For memory, which is read from end to end: a third smaller.
+    /// Without an index: for memory, which is read as a whole. A third smaller.
     LeftOut,
 }
 
@@ -22,9 +22,9 @@ impl Index {
     /// Largest chunk before it is written, bytes.
     const fn chunk(self) -> u64 {
         match self {
-            // Each has an index that stays in memory till the end: few of them.
+            // Each chunk has an index that stays in memory until the end, so that there must be few chunks.
             Self::Written => 512 * 1024,
-            // As far back as LZ4 looks for what it has seen.
+            // LZ4 finds repetitions within this distance.
             Self::LeftOut => 64 * 1024,
         }
     }
@@ -41,7 +41,7 @@ impl<W: Write> LogWriter<W> {
     /// Begins a log.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn new(file: W, index: Index) -> Result<Self, McapError> {
         let indexed = index == Index::Written;
         let options = WriteOptions::new()
@@ -50,17 +50,17 @@ impl<W: Write> LogWriter<W> {
             .emit_message_indexes(indexed)
             .emit_summary_records(indexed)
             .library(concat!("tilthex ", env!("CARGO_PKG_VERSION")))
-            // Chunks are put together in memory and written whole, so a killed program leaves no half one.
+            // A chunk is composed in memory and written at once, so that a killed program leaves no incomplete chunk.
             .disable_seeking(true);
         let writer = options.create(NoSeek::new(file))?;
         Ok(Self { writer, sequences: BTreeMap::new(), buffer: Vec::with_capacity(4096) })
     }
 
-    /// Adds a channel for messages of one kind: the full name of their schema, and a serialised `FileDescriptorSet` that
-    /// holds it.
+    /// Adds a channel for messages of one kind. `schema` is the full name of their schema, `descriptors` a serialised
+    /// `FileDescriptorSet` that holds it.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn topic(&mut self, topic: &str, schema: &str, descriptors: &[u8]) -> Result<Topic, McapError> {
         let schema = self.writer.add_schema(schema, "protobuf", descriptors)?;
         let id = self.writer.add_channel(schema, topic, "protobuf", &BTreeMap::new())?;
@@ -68,10 +68,10 @@ impl<W: Write> LogWriter<W> {
         Ok(Topic(id))
     }
 
-    /// Appends a message whose content holds at `time`, ns since 1970, and which `encode` puts into the buffer.
+    /// Appends a message with the time `time`, ns since 1970. `encode` writes the message to the buffer.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn put(
         &mut self,
         topic: Topic,
@@ -90,7 +90,7 @@ impl<W: Write> LogWriter<W> {
     /// Attaches a file.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn attach(&mut self, name: &str, media_type: &str, data: &[u8], time: u64) -> Result<(), McapError> {
         self.writer.attach(&Attachment {
             log_time: time,
@@ -104,15 +104,15 @@ impl<W: Write> LogWriter<W> {
     /// Adds a table of names and texts.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn metadata(&mut self, name: &str, metadata: BTreeMap<String, String>) -> Result<(), McapError> {
         self.writer.write_metadata(&mcap::records::Metadata { name: name.into(), metadata })
     }
 
-    /// Writes what is held back; all of it can be read from now on.
+    /// Writes all data that are still in memory. They can be read from now on.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn flush(&mut self) -> Result<(), McapError> {
         self.writer.flush()
     }
@@ -120,7 +120,7 @@ impl<W: Write> LogWriter<W> {
     /// Ends the log with its index.
     ///
     /// # Errors
-    /// What the file says.
+    /// Errors of the file.
     pub fn finish(mut self) -> Result<W, McapError> {
         self.writer.finish()?;
         Ok(self.writer.into_inner().into_inner())

@@ -1,4 +1,4 @@
-//! Motion capture of the simulated vehicle: its pose, shown by the servers that real clients read.
+//! Motion capture of the simulated vehicle: servers send its pose to the same clients as real systems.
 
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, SocketAddrV4, ToSocketAddrs};
 
@@ -14,19 +14,19 @@ use tilthex_sim::{Body, STEP, Simulation};
 
 use crate::{Failure, sleeper::Nanos};
 
-/// Poses a second.
+/// Poses per second.
 pub const CAPTURE_RATE: u64 = 100;
 /// Cycles of the simulation between two poses.
 pub const CAPTURE_EVERY: u64 = 1_000_000 / STEP / CAPTURE_RATE;
-/// The group that NatNet frames go to by default.
+/// The default multicast address of NatNet frames.
 const GROUP: SocketAddrV4 = SocketAddrV4::new(Ipv4Addr::new(239, 255, 42, 99), 1511);
 
 /// A running capture system.
 #[derive(Debug)]
 pub enum Capture {
-    /// OptiTrack's protocol.
+    /// NatNet, the protocol of OptiTrack.
     NatNet(NatNetServer),
-    /// The older one, over TCP.
+    /// VRPN over TCP.
     Vrpn(VrpnServer),
 }
 
@@ -34,7 +34,7 @@ impl Capture {
     /// Starts the server that a URI names, on this computer.
     ///
     /// # Errors
-    /// One sentence, where its address is not this computer's or is taken.
+    /// One sentence: the address does not belong to this computer, or is in use.
     pub fn start(uri: &MocapUri, up_axis: UpAxis, line: LineParams) -> Result<Self, Failure> {
         let refuse = |e: std::io::Error| {
             Failure::usage(format!(
@@ -69,7 +69,7 @@ impl Capture {
         server.map_err(refuse)
     }
 
-    /// A capture on loopback at any free port, and how a client finds it.
+    /// A capture system on loopback at any free port, and its address for clients.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -82,7 +82,7 @@ impl Capture {
         Ok((capture, uri))
     }
 
-    /// Where it listens.
+    /// The address at which it listens.
     #[must_use]
     pub fn address(&self) -> SocketAddr {
         match self {
@@ -91,11 +91,11 @@ impl Capture {
         }
     }
 
-    /// Shows the vehicle as it is at a time of the monotonic clock.
+    /// Publishes the pose of the vehicle at a time of the monotonic clock.
     pub fn show<B: Body, F: Board>(&mut self, time: Nanos, simulation: &mut Simulation<B, F>) {
         let (position_w, rotation_wr) = simulation.captured_pose();
         let publication = Publication { time, position_w, rotation_wr, tracking_valid: true };
-        // A pose that finds no room is one the network lost.
+        // If there is no room for a pose, it is lost, like one that the network loses.
         let _ = match self {
             Self::NatNet(server) => server.publish(publication),
             Self::Vrpn(server) => server.publish(publication),

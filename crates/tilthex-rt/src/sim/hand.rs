@@ -6,9 +6,9 @@ use tilthex_core::{Vector3, Wrench};
 
 use crate::sleeper::Nanos;
 
-/// A push ends this long after its last packet, ns.
+/// Time from the last packet to the end of the push, ns.
 const LEFT: Nanos = 300_000_000;
-/// Force and torque, six f64.
+/// Length of a packet, bytes: force and torque, six f64.
 const PACKET: usize = 48;
 
 /// A hand on the tool of the simulated vehicle. A packet has 48 bytes, little-endian: force (three f64, N) and torque
@@ -17,15 +17,15 @@ const PACKET: usize = 48;
 pub struct Hand {
     socket: UdpSocket,
     wrench_w: Wrench,
-    /// When the newest packet arrived.
+    /// Time at which the newest packet arrived.
     newest: Nanos,
 }
 
 impl Hand {
-    /// Listens at a port of 127.0.0.1; 0 for any.
+    /// Listens at a port of 127.0.0.1; 0 means any free port.
     ///
     /// # Errors
-    /// The kernel's, if the port is taken.
+    /// Errors of the kernel, for example if the port is in use.
     pub fn new(port: u16) -> io::Result<Self> {
         let socket = UdpSocket::bind(("127.0.0.1", port))?;
         socket.set_nonblocking(true)?;
@@ -35,12 +35,12 @@ impl Hand {
     /// The port.
     ///
     /// # Errors
-    /// The kernel's.
+    /// Errors of the kernel.
     pub fn port(&self) -> io::Result<u16> {
         Ok(self.socket.local_addr()?.port())
     }
 
-    /// The wrench on the tool (world, at its tip) at a time: that of the newest packet, or none after a silence.
+    /// The wrench on the tool (world, at its tip) at a time: that of the newest packet, or zero if the packets have ended.
     pub fn wrench(&mut self, now: Nanos) -> Wrench {
         let mut bytes = [0; PACKET + 1];
         while let Ok(count) = self.socket.recv(&mut bytes) {
@@ -87,7 +87,7 @@ mod tests {
         let push = Wrench { force: Vector3::new(1.5, 0.0, -2.0), torque: Vector3::new(0.0, 0.25, 0.0) };
         let bytes = packet([1.5, 0.0, -2.0, 0.0, 0.25, 0.0]);
         assert_eq!(felt(&bytes, at), push);
-        // What is no push changes nothing, and does not make the push last.
+        // A packet that is not a push changes nothing, and does not prolong the push.
         for bad in [&bytes[..47], &[&bytes[..], &[0]].concat(), &packet([f64::NAN; 6]), &[]] {
             assert_eq!(felt(bad, at + LEFT), push);
         }

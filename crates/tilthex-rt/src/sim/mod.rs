@@ -1,5 +1,5 @@
-//! The simulated vehicle in real time: behind a pseudo-terminal ([`Server`]), before cameras ([`Capture`]), with
-//! a hand on its tool ([`Hand`]), in a world of another process ([`World`]).
+//! The simulated vehicle in real time: its pseudo-terminal ([`Server`]), its motion capture ([`Capture`]), pushes of its
+//! tool ([`Hand`]), and its world in another process ([`World`]).
 
 mod capture;
 mod hand;
@@ -17,10 +17,11 @@ pub use hand::Hand;
 pub use server::{Observer, Report, Server};
 pub use world::World;
 
-/// A board that speaks as PX4 does; its motors need the configured throttles, its streams come at the configured rates.
+/// A board that behaves like PX4. Its motors need the throttles of the configuration, and its streams have the configured
+/// rates.
 ///
 /// # Errors
-/// Where the configuration is of no vehicle that takes throttles.
+/// If the configuration has no valid throttle map.
 pub fn px4_board(config: &Config, params: &SimulationParams) -> Result<Client, Failure> {
     let link = config.linked_params(false)?.link;
     let periods = (u64::from(link.imu_period_us), u64::from(link.motor_period_us));

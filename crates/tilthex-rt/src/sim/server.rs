@@ -28,23 +28,23 @@ use crate::{
     sleeper::{Clock, Monotonic, Nanos},
 };
 
-/// Behind by more than this, the simulation gives up catching up with the clock, ns.
+/// If the simulation lags behind the clock by more than this, ns, it skips this time instead of simulating it.
 const HOPELESS: Nanos = 1_000_000_000;
 
-/// What the simulated vehicle saw of its controller.
+/// What the simulated vehicle measured.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
-    /// From the moment before an IMU frame was written to the moment its
-    /// command had been read: the controller's latency and the line's, ns.
+    /// Time from just before the write of an inertial sample to the end of the read of its command, ns: the latency of
+    /// controller and line.
     pub imu_to_command: Quantiles,
-    /// From the time a cycle was due to its end, ns: how far the simulation lags behind the clock.
+    /// Time from the moment at which a cycle was due to its end, ns: the lag of the simulation behind the clock.
     pub lag: Quantiles,
-    /// Why the simulation ended by itself, or did not end well.
+    /// Why the simulation ended by itself, or ended with an error.
     pub failure: Option<Failure>,
 }
 
-/// Sees the simulation after every cycle, with the cycle's time on the
-/// monotonic clock: motion capture and the recorder of the truth hang on it.
+/// Is called after every cycle with the cycle's monotonic time and the simulation. Motion capture and the recorder of the
+/// truth use it.
 pub type Observer<B = Own, F = Firmware> = Box<dyn FnMut(Nanos, &mut Simulation<B, F>) + Send>;
 
 /// A running simulation. It ends when it is dropped.
@@ -56,12 +56,12 @@ pub struct Server {
 }
 
 impl Server {
-    /// Starts a simulation behind its own pseudo-terminal. If a `socket` is given, the program that connects there has the
-    /// line until it leaves. If an `agent` is given, datagrams to and from it are the line instead. `each_step` is called
-    /// after every cycle with the time of the cycle.
+    /// Starts a simulation behind its own pseudo-terminal. If a `socket` is given, a program that connects there has the line
+    /// until it leaves. If an `agent` is given, the line is datagrams to and from this address. `each_step` is called after
+    /// every cycle with the time of the cycle.
     ///
     /// # Errors
-    /// The kernel's, where it has no pseudo-terminal or no thread left.
+    /// Errors of the kernel: no more pseudo-terminals or threads.
     pub fn start<B: Body + Send + 'static, F: Board + Send + 'static>(
         simulation: Simulation<B, F>,
         each_step: Observer<B, F>,
@@ -78,7 +78,7 @@ impl Server {
         let mut worker = Worker {
             socket,
             guest,
-            // Holding the far side open keeps reads from failing while no controller is connected.
+            // The other end is kept open, so that reads do not fail while no controller is connected.
             _far_side: rustix::fs::open(
                 &path,
                 rustix::fs::OFlags::RDWR | rustix::fs::OFlags::NOCTTY | rustix::fs::OFlags::CLOEXEC,
@@ -100,19 +100,19 @@ impl Server {
         Ok(Self { path, stop, thread: Some(thread) })
     }
 
-    /// The pseudo-terminal a controller opens.
+    /// The pseudo-terminal that a controller opens.
     #[must_use]
     pub fn path(&self) -> &Path {
         &self.path
     }
 
-    /// Whether the simulation still runs: it ends by itself only where its world fails.
+    /// Whether the simulation still runs. It ends by itself only if its world fails.
     #[must_use]
     pub fn is_running(&self) -> bool {
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
     }
 
-    /// Ends the simulation; what it saw.
+    /// Ends the simulation and returns what it measured.
     #[must_use]
     pub fn stop(mut self) -> Report {
         self.end().unwrap_or_default()
@@ -134,14 +134,14 @@ struct Worker<B, F> {
     _far_side: rustix::fd::OwnedFd,
     port: Port,
     socket: Option<UnixListener>,
-    /// Who has connected to the socket, or the agent.
+    /// The program that has connected to the socket, or the agent.
     guest: Option<Port>,
     simulation: Simulation<B, F>,
     each_step: Observer<B, F>,
     out: Vec<u8>,
-    /// Inertial samples that were written.
+    /// Number of inertial samples that were written.
     samples: u64,
-    /// When the newest of them was written, until its command comes.
+    /// Time at which the newest of them was written; `None` after its command has arrived.
     imu_written: Option<Nanos>,
     latency: Histogram,
     lag: Histogram,
@@ -149,7 +149,7 @@ struct Worker<B, F> {
 
 impl<B: Body, F: Board> Worker<B, F> {
     fn run(&mut self, stop: &AtomicBool) -> Report {
-        // The board's clock is this one; the rights are worth having, not worth failing for.
+        // This thread is the board's clock. Real-time rights make it more punctual, but it also runs without them.
         crate::realtime::acquire_helper();
         let step = Duration::from_micros(STEP).as_nanos() as Nanos;
         let mut due = Monotonic.now() + step;
@@ -174,7 +174,7 @@ impl<B: Body, F: Board> Worker<B, F> {
         }
     }
 
-    /// Takes what the controller says the moment it says it, until `due`.
+    /// Handles bytes of the controller at the moment at which they arrive, until `due`.
     fn receive_until(&mut self, due: Nanos) {
         self.admit();
         loop {
@@ -190,7 +190,7 @@ impl<B: Body, F: Board> Worker<B, F> {
             }
             let mut bytes = [0; 1024];
             let count = match line.read(&mut bytes) {
-                // Readable, and nothing to read: they have left.
+                // The socket is readable but holds no bytes: the program has closed it.
                 None | Some(0) if self.socket.is_some() && self.guest.is_some() => {
                     self.guest = None;
                     continue;
@@ -209,7 +209,7 @@ impl<B: Body, F: Board> Worker<B, F> {
         }
     }
 
-    /// Takes whoever knocks at the socket, where nobody is there.
+    /// Accepts a new connection to the socket, if none is open.
     fn admit(&mut self) {
         if let (Some(socket), None) = (&self.socket, &self.guest)
             && let Ok((stream, _)) = socket.accept()
@@ -224,7 +224,7 @@ impl<B: Body, F: Board> Worker<B, F> {
             self.imu_written = Some(Monotonic.now());
         }
         if !self.out.is_empty() {
-            // A full line loses the bytes, as a serial one does.
+            // If the line is full, the bytes are lost, as on a serial line.
             self.guest.as_mut().unwrap_or(&mut self.port).write(&self.out);
             self.out.clear();
         }

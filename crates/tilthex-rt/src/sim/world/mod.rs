@@ -1,5 +1,5 @@
-//! A world in a process of its own: an experiment's, stepped by MuJoCo in Python, one cycle of the board at a
-//! time over its standard input and output.
+//! The world of an experiment in another process. MuJoCo steps it in Python, one cycle of the board at a time; requests and
+//! answers go through the standard input and output of the process.
 
 pub mod record;
 
@@ -27,29 +27,29 @@ use tilthex_sim::{Body, SimError, body::Cycle};
 
 /// The module that Python runs.
 const MODULE: &str = "tilthex.experiments.world_process";
-/// It may take this long to begin: a first import of MuJoCo is slow.
+/// Longest wait for the process to begin: the first import of MuJoCo is slow.
 const BEGIN: Duration = Duration::from_secs(60);
-/// It may take this long for one cycle.
+/// Longest wait for the answer of one cycle.
 const ANSWER: Duration = Duration::from_secs(5);
-/// It may take this long to write its truth and end.
+/// Longest wait for the process to write its truth and end.
 const END: Duration = Duration::from_secs(30);
 
-/// Which world.
+/// The choice of a world.
 #[derive(Clone, Debug, Default)]
 pub struct WorldParams {
-    /// An experiment: its name, or its TOML file.
+    /// The experiment: its name, or its TOML file.
     pub experiment: String,
-    /// The run of it; the first without.
+    /// The run of the experiment; `None` for the first.
     pub run: Option<String>,
-    /// Where the truth is written at the end, as a NumPy archive.
+    /// File for the truth, a NumPy archive that is written at the end.
     pub truth: Option<PathBuf>,
-    /// How the vehicle differs from the experiment's: a level, or a TOML file with a `[truth]` table.
+    /// How the vehicle differs from that of the experiment: a level, or a TOML file with a `[truth]` table.
     pub level: String,
-    /// Chooses the vehicle.
+    /// Seed from which the vehicle is drawn.
     pub seed: u64,
 }
 
-/// A world that runs. Its process ends when this is dropped.
+/// A running world. Its process ends when this is dropped.
 #[derive(Debug)]
 pub struct World {
     process: Process,
@@ -64,7 +64,7 @@ impl World {
     /// Starts the process and waits for its greeting.
     ///
     /// # Errors
-    /// One sentence: no Python, no MuJoCo, no such experiment, another vehicle.
+    /// One sentence: Python or MuJoCo is missing, the experiment is unknown, or it has another vehicle.
     pub fn start(params: &WorldParams, vehicle: Vehicle) -> Result<Self, SimError> {
         let python = python();
         let mut command = Command::new(&python);
@@ -78,12 +78,12 @@ impl World {
         if !params.level.is_empty() && params.level != "exact" {
             command.args(["--level", &params.level, "--seed", &params.seed.to_string()]);
         }
-        // Threads of a linear algebra library that spin would take the loop's processor.
+        // The threads of a linear algebra library wait actively, and would take the loop's processor.
         command.env("OPENBLAS_NUM_THREADS", "1").env("OMP_NUM_THREADS", "1");
         Self::from_command(command, vehicle)
     }
 
-    /// The world that a command runs.
+    /// Starts a world with a given command.
     ///
     /// # Errors
     /// As [`Self::start`].
@@ -106,7 +106,7 @@ impl World {
         Ok(Self { process, greeting, vehicle, start, state, failure: None })
     }
 
-    /// What it said of itself.
+    /// Its greeting.
     #[must_use]
     pub fn greeting(&self) -> &Greeting {
         &self.greeting
@@ -167,13 +167,13 @@ impl Body for World {
     }
 }
 
-/// Python beside this program, as an installed package has it, or the one on the path.
+/// Python in the folder of this program (an installed package has it there), or the Python on the path.
 fn python() -> PathBuf {
     let beside = env::current_exe().ok().and_then(|program| Some(program.parent()?.join("python3")));
     beside.filter(|path| path.exists()).unwrap_or_else(|| Path::new("python3").into())
 }
 
-/// The process, its pipes, and the last line of what it said on standard error.
+/// The process, its pipes, and the last line that it wrote to standard error.
 #[derive(Debug)]
 struct Process {
     name: String,
@@ -181,7 +181,7 @@ struct Process {
     input: Option<ChildStdin>,
     output: ChildStdout,
     said: Option<JoinHandle<String>>,
-    /// Whether it has said what it begins with.
+    /// Whether it has sent its greeting and its first state.
     begun: bool,
 }
 
@@ -219,7 +219,7 @@ impl Process {
             let ready = poll(&mut [PollFd::new(&self.output, PollFlags::IN)], Some(&timeout));
             if left.is_zero() {
                 return Err(SimError::world(format!(
-                    "the world said nothing for {} s ({}); look at the load of this machine",
+                    "the world did not answer for {} s ({}); check the load of this computer",
                     patience.as_secs(),
                     self.name
                 )));
@@ -235,16 +235,16 @@ impl Process {
         Ok(bytes)
     }
 
-    /// What a record that is none means.
+    /// The error of a record that is wrong.
     fn rubbish(&self, what: &str) -> SimError {
         SimError::world(format!(
-            "the world's answer is none: {what}; expected the records of {MODULE} of this version: install tilthex \
-             anew for {}",
+            "the world's answer is wrong: {what}; expected a record of {MODULE} of this version: install tilthex again \
+             for {}",
             self.name
         ))
     }
 
-    /// What the end of the process means; its own words say why.
+    /// The error of a process that has ended. Its last line says why.
     fn died(&mut self) -> SimError {
         match self.closed() {
             Some((status, said)) if status.code() == Some(2) => SimError::refused(said),
@@ -253,20 +253,20 @@ impl Process {
                 self.name
             )),
             Some((status, said)) => SimError::refused(format!(
-                "the world's process {} did not begin ({status}): {said}; pip install 'tilthex[experiments]' \
-                 installs what it needs",
+                "the world's process {} did not begin ({status}): {said}; install what it needs with \
+                 pip install 'tilthex[experiments]'",
                 self.name
             )),
             None => SimError::world(format!("the world ({}) closed its pipes and does not end", self.name)),
         }
     }
 
-    /// Closes its input, which ends it.
+    /// Ends the process by closing its input.
     fn end(&mut self) -> Result<(), SimError> {
         match self.closed() {
             Some((status, _)) if status.success() => Ok(()),
             Some((status, said)) => {
-                Err(SimError::world(format!("the world's process did not end well ({status}): {said}")))
+                Err(SimError::world(format!("the world's process ended with an error ({status}): {said}")))
             }
             None => Err(SimError::world(format!(
                 "the world did not end within {} s and was killed; its truth is lost",
@@ -275,7 +275,7 @@ impl Process {
         }
     }
 
-    /// How it ended, and its last words; `None` where it had to be killed.
+    /// Closes the process's input. Returns its exit status and its last line, or `None` if it had to be killed.
     fn closed(&mut self) -> Option<(std::process::ExitStatus, String)> {
         self.input = None;
         let until = Instant::now() + END;
@@ -285,7 +285,7 @@ impl Process {
                 return Some((status, said));
             }
             if Instant::now() > until {
-                // It may have just ended.
+                // If it has just ended, this does nothing.
                 let _ = self.child.kill();
                 let _ = self.child.wait();
                 return None;
@@ -297,7 +297,7 @@ impl Process {
 
 impl Drop for Process {
     fn drop(&mut self) {
-        // One that ended well is gone already, and killing it does nothing.
+        // If the process has already ended, this does nothing.
         let _ = self.child.kill();
         let _ = self.child.wait();
     }

@@ -1,8 +1,8 @@
-//! What a world and the simulated board say to each other: little-endian records of fixed size.
+//! Records between a world and the simulated board: little-endian, with fixed sizes.
 //!
-//! The board's request is the end of a cycle (u64, ns of the monotonic clock) and the speed each motor
-//! drives its rotor to (Hz). The world answers with that time and its state at it. Before the first request
-//! it says [`Greeting`], and the state it begins with at time 0.
+//! A request of the board is the end of a cycle (u64, ns of the monotonic clock) and the speed to which each motor drives
+//! its rotor (Hz). The world answers with this time and its state at this time. Before the first request it sends a
+//! [`Greeting`], and its first state with the time 0.
 
 use tilthex_core::{
     MAX_ROTORS, Matrix3, RobotState, RotorVector, Vector3, Wrench,
@@ -12,7 +12,7 @@ use tilthex_core::{
 
 use crate::sleeper::Nanos;
 
-/// What a greeting begins with; its last character is the version of these records.
+/// The first bytes of a greeting. The last character is the version of these records.
 const MAGIC: [u8; 8] = *b"tilthex2";
 const NUMBER: usize = 8;
 /// Length of a request, bytes.
@@ -22,10 +22,10 @@ pub const GREETING: usize = MAGIC.len() + NUMBER * 27;
 /// Length of a state, bytes.
 pub const STATE: usize = NUMBER * (1 + 33 + MAX_ROTORS);
 
-/// What a world says of itself before it moves.
+/// What a world sends at its beginning.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Greeting {
-    /// Rotors of the vehicle in it.
+    /// Number of rotors of its vehicle.
     pub rotor_count: usize,
     /// The vehicle's mass, kg.
     pub mass: f64,
@@ -33,9 +33,9 @@ pub struct Greeting {
     pub sensors: SensorParams,
     /// Time between two captured poses, s.
     pub pose_period: f64,
-    /// Least time from the capture of a pose to its sending, s.
+    /// Shortest time from the capture of a pose to its sending, s.
     pub pose_latency: f64,
-    /// Added to it at random, up to this, s.
+    /// Largest random time that is added to [`Self::pose_latency`], s.
     pub pose_jitter: f64,
 }
 
@@ -48,9 +48,9 @@ pub struct State {
     pub plant: PlantState,
     /// Specific force over the cycle at the IMU, m/s^2, IMU axes.
     pub specific_force_i: Vector3,
-    /// What touches the tool, world, at its tip.
+    /// Wrench of the contacts of the tool, world, at its tip.
     pub tool_wrench_w: Wrench,
-    /// Contacts and pushes: force W, torque R about the centre of mass.
+    /// Wrench of contacts and pushes: force in world axes, torque in robot axes, about the centre of mass.
     pub external: Wrench,
 }
 
@@ -101,7 +101,7 @@ pub fn greeting(bytes: &[u8; GREETING]) -> Result<Greeting, String> {
     if numbers.finite && times.iter().all(|time| (0.0..=10.0).contains(time)) {
         Ok(greeting)
     } else {
-        Err("it holds a number that cannot be".into())
+        Err("it holds an impossible number".into())
     }
 }
 
@@ -138,7 +138,7 @@ pub fn state(bytes: &[u8; STATE], at: Nanos) -> Result<State, String> {
     Ok(state)
 }
 
-/// Numbers one after the other.
+/// Reads numbers one after the other.
 struct Numbers<'a> {
     rest: std::slice::ChunksExact<'a, u8>,
     finite: bool,
@@ -169,7 +169,7 @@ impl<'a> Numbers<'a> {
 mod tests {
     use super::*;
 
-    /// A state at rest, level, at time `at`: its numbers count up where they are free.
+    /// A level state at rest at the time `at`. All its other numbers count up.
     fn bytes(at: Nanos) -> [u8; STATE] {
         let mut numbers: Vec<f64> = (1..=45).map(f64::from).collect();
         numbers[6..15].copy_from_slice(Matrix3::identity().as_slice());
@@ -218,7 +218,7 @@ mod tests {
         late[..8].copy_from_slice(b"tilthex2");
         assert!(greeting(&late).is_ok());
         late[GREETING - 8..].copy_from_slice(&11.0_f64.to_le_bytes());
-        assert!(greeting(&late).expect_err("poses 11 s late").contains("cannot be"));
+        assert!(greeting(&late).expect_err("poses 11 s late").contains("impossible number"));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! A shell plays the world's process.
+//! A shell script takes the part of the world's process.
 
 use super::*;
 use crate::Failure;
