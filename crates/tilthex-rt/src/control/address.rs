@@ -217,8 +217,8 @@ mod tests {
             ("0.0.0.0:7410", "every network"),
             ("[::]:7410", "every network"),
             ("[::ffff:0.0.0.0]:7410", "every network"),
-            ("localhost", "no address"),
-            ("unix:", "no path"),
+            ("localhost", "not an address"),
+            ("unix:", "names no path"),
         ] {
             let refused = Address::parse(bad, false).expect_err(bad);
             assert!(refused.message.contains(why), "{bad}: {refused}");
