@@ -22,6 +22,7 @@ help:
 	@echo "make campaign  the fault campaign: N flights, from SEED on"
 	@echo "make results   runs what docs/results shows, and writes it"
 	@echo "make docs      the documentation site, into site; RUST=0 leaves out the pages of the Rust crates"
+	@echo "make gallery   the videos of the site's gallery"
 	@echo "make wheel     an installable wheel with both programs, into dist"
 	@echo "make clean     remove what was built"
 
@@ -130,6 +131,12 @@ endif
 ifneq ($(RUST),0)
 	cp -r target/doc site/rust
 endif
+
+# The videos of the site's gallery, in out/gallery; rendered without a display.
+.PHONY: gallery
+gallery: $(BIN)/pip
+	$(BIN)/pip install --quiet --disable-pip-version-check '.[docs]'
+	tilthex experiment all --short --video --out out/gallery
 
 clean:
 	cargo clean

@@ -50,6 +50,11 @@ position = [0.0, 0.0, 0.5]
 hold = 1.0
 
 [[trajectory.waypoint]]
+phase = "touch"
+position = [0.0, 0.0, 0.455]
+duration = 5.0
+
+[[trajectory.waypoint]]
 phase = "press"
 position = [0.0, 0.0, 0.36]
 duration = 3.0

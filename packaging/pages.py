@@ -29,6 +29,7 @@ else:
 ROOT = Path(__file__).resolve().parent.parent
 SETTINGS = ROOT / "zensical.toml"
 EXECUTED = ROOT / "out" / "executed"
+VIDEOS = ROOT / "out" / "gallery"
 NOTEBOOK = "# ---\n# jupyter:"
 """The begin of a notebook that is stored as a Python script."""
 ALLOWED = 300
@@ -255,6 +256,7 @@ def lay_out(stage: Path, keep: bool, rust: bool) -> None:
     shutil.copytree(ROOT / "docs" / "images", stage / "docs" / "images")
     for style in settings()["extra_css"]:
         shutil.copy(ROOT / style, stage / style)
+    _add_videos(stage / "docs" / "gallery.md")
     EXECUTED.mkdir(parents=True, exist_ok=True)
     for notebook in notebooks():
         stem = Path(notebook).stem
@@ -266,6 +268,17 @@ def lay_out(stage: Path, keep: bool, rust: bool) -> None:
         _write(stage / "examples" / f"{stem}.md", led(f"examples/{stem}.md", indented(text), leads, rust))
         shutil.copytree(EXECUTED / f"{stem}_files", stage / "examples" / f"{stem}_files")
         shutil.copy(ROOT / notebook, stage / "examples")
+
+
+def _add_videos(page: Path) -> None:
+    """Shows the videos that `make gallery` has made."""
+    lines = [page.read_text(encoding="utf-8")]
+    for video in sorted(VIDEOS.glob("*.gif")):
+        name = video.stem.replace("-", " ")
+        lines += [f"## {name}", "", f"![{name}](videos/{video.name})", ""]
+        (page.parent / "videos").mkdir(exist_ok=True)
+        shutil.copy(video, page.parent / "videos")
+    _write(page, "\n".join(lines))
 
 
 def _write(path: Path, text: str) -> None:
