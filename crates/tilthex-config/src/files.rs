@@ -1,4 +1,4 @@
-//! Files that are read and written: files only, never a pipe or a device, which could hold the program up for ever.
+//! Opens files for reading and writing. Pipes and devices are refused, because they could block the program for ever.
 
 use std::{
     fs::{self, File, FileType},
@@ -7,26 +7,26 @@ use std::{
     path::Path,
 };
 
-/// Largest text that is read: more is no configuration, bytes.
+/// Largest text that is read, bytes. A longer file is not a configuration.
 const MAX_TEXT: u64 = 4 << 20;
 
 /// Opens a file to read it.
 ///
 /// # Errors
-/// The kernel's, or that it is no file.
+/// Errors of the kernel, or it is not a file.
 pub fn open(path: &Path) -> io::Result<File> {
     check(path)?;
     File::open(path)
 }
 
-/// Reads a text.
+/// Reads a text file.
 ///
 /// # Errors
-/// The kernel's, that it is no file, no text, or too long for one.
+/// Errors of the kernel, or it is not a file, not a text, or too long.
 pub fn read_text(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.take(MAX_TEXT + 1).read_to_string(&mut text).map_err(|e| match e.kind() {
-        ErrorKind::InvalidData => Error::new(e.kind(), "it is no text (UTF-8)"),
+        ErrorKind::InvalidData => Error::new(e.kind(), "it is not a text (UTF-8)"),
         _ => e,
     })?;
     if text.len() as u64 > MAX_TEXT {
@@ -35,10 +35,10 @@ pub fn read_text(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// Refuses a path that exists but is no file, also behind symbolic links.
+/// Refuses a path that exists but is not a file, or is a symbolic link to such a path.
 ///
 /// # Errors
-/// The kernel's where nothing is there, or that it is no file.
+/// Errors of the kernel, for example if nothing exists at the path, or it is not a file.
 pub fn check(path: &Path) -> io::Result<()> {
     let kind = fs::metadata(path)?.file_type();
     if kind.is_file() {

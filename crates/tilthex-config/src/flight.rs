@@ -1,4 +1,4 @@
-//! From a configuration to the parameters of a whole flight.
+//! Converts a configuration to the parameters of a flight.
 
 use std::time::Duration;
 
@@ -24,7 +24,7 @@ impl Config {
         self.estimator.params(self.vehicle.vehicle())
     }
 
-    /// The delays of the loop as stability margins count them.
+    /// The delays of the loop, for the stability margins.
     #[must_use]
     pub fn loop_delays(&self) -> LoopDelays {
         self.link.loop_delays()
@@ -73,15 +73,15 @@ impl LinkSection {
         LoopDelays {
             period: 1.0 / self.imu_rate,
             line: self.loop_delay,
-            // The newest of a motor's samples is half a period old in the mean, unless it is brought to the sample's time.
+            // The newest speed of a motor is half a period old on average, unless it is corrected to the inertial sample's time.
             rotor_speeds: if self.rotor_speed_age > 0.0 { 0.0 } else { 0.5 / self.motor_rate },
         }
     }
 
-    /// Which link the vehicle speaks.
+    /// The kind of the vehicle's link.
     ///
     /// # Errors
-    /// Where no link has that name.
+    /// If no link has this name.
     pub fn kind(&self) -> Result<LinkKind, ConfigError> {
         LinkKind::ALL.iter().copied().find(|kind| kind.name() == self.protocol).ok_or_else(|| {
             let names: Vec<_> = LinkKind::ALL.iter().map(|kind| format!("\"{}\"", kind.name())).collect();
@@ -93,7 +93,7 @@ impl LinkSection {
         })
     }
 
-    /// What the link is set up with.
+    /// The parameters of the link.
     ///
     /// # Errors
     /// Names the key with an impossible value.
@@ -121,7 +121,7 @@ impl LinkSection {
 }
 
 impl MocapSection {
-    /// How a client reads the system's poses.
+    /// The settings of the client of motion capture.
     ///
     /// # Errors
     /// If the axis is neither "y" nor "z".
@@ -144,7 +144,7 @@ impl MocapSection {
     }
 }
 
-/// From m/s, m/s^2 and degrees/s, degrees/s^2.
+/// Makes limits from m/s, m/s^2, and degrees/s, degrees/s^2.
 fn limits((velocity, acceleration): (f64, f64), (turning_deg, turning_faster_deg): (f64, f64)) -> Limits {
     let (angular_velocity, angular_acceleration) =
         (turning_deg.to_radians(), turning_faster_deg.to_radians());
@@ -152,7 +152,7 @@ fn limits((velocity, acceleration): (f64, f64), (turning_deg, turning_faster_deg
 }
 
 impl MissionSection {
-    /// Limits on the way to a way-point.
+    /// Limits of the motion to a way-point.
     #[must_use]
     pub fn limits(&self) -> Limits {
         limits(
@@ -168,7 +168,7 @@ impl MissionSection {
         Ok(Calibration::from_name(&self.calibration).unwrap_or_default())
     }
 
-    /// With the largest rates of streamed set-points.
+    /// The parameters of guidance. `stream` has the largest rates of streamed set-points.
     fn params(&self, stream: Limits) -> Result<GuidanceParams, ConfigError> {
         Ok(GuidanceParams {
             take_off_height: self.take_off_height,

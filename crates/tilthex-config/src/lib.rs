@@ -1,8 +1,7 @@
 //! Configuration: one TOML file describes the vehicle and how it is flown.
 //!
-//! Each section is declared once, with `section!`, which makes its struct, its
-//! defaults, its list of keys and the comments of the printed file. To add a
-//! key, add a line to its section.
+//! Each section is declared once, with `section!`, which makes its struct, its defaults, its list of keys and the comments of
+//! the printed file. To add a key, add a line to its section.
 
 mod control;
 mod estimator;
@@ -55,8 +54,8 @@ macro_rules! each_section {
     };
 }
 
-/// Declares [`Config`]: a field and a getter for each section. Changes go through [`Config::overlaid`], so that what is
-/// derived from the sections always belongs to them.
+/// Declares [`Config`]: a field and a getter for each section. All changes are made by [`Config::overlaid`], so that the values
+/// that are derived from the sections are always up to date.
 macro_rules! config {
     ($($name:ident: $section:ty,)*) => {
         /// A checked configuration.
@@ -86,7 +85,7 @@ impl Config {
     /// The default configuration of a vehicle.
     ///
     /// # Panics
-    /// Never: the defaults are accepted for every vehicle (tested).
+    /// Never: a test shows that every vehicle accepts the defaults.
     #[must_use]
     pub fn default_for(vehicle: VehicleSection) -> Self {
         Self::complete(vehicle, Table::new()).expect("the defaults hold for every vehicle")
@@ -101,7 +100,7 @@ impl Config {
         Self::from_text(&read_file(path)?, folder).map_err(|e| e.within(path.display()))
     }
 
-    /// Reads TOML; files that it names are looked for from `folder`.
+    /// Reads TOML. The paths of files that it names are relative to `folder`.
     ///
     /// # Errors
     /// One sentence with the section and the key.
@@ -117,13 +116,13 @@ impl Config {
         }
     }
 
-    /// The same with some keys changed: tables named and keyed as in the file.
+    /// A copy with some keys changed. `changes` has the tables and keys of a file.
     ///
     /// # Errors
-    /// As [`Self::from_text`].
+    /// The same as those of [`Self::from_text`].
     pub fn overlaid(&self, changes: Table) -> Result<Self, ConfigError> {
         let mut table = parse(&self.to_toml())?;
-        // Another vehicle replaces this one; keys beside its name are its own.
+        // Another vehicle replaces this one completely. Further keys in the table belong to the new vehicle.
         if let Some(Value::Table(vehicle)) = changes.get("vehicle")
             && (vehicle.contains_key("preset") || vehicle.contains_key("file"))
         {
@@ -191,8 +190,8 @@ impl Config {
         Ok(config)
     }
 
-    /// The complete effective configuration as TOML, every key with its meaning and
-    /// unit; reading it gives this again.
+    /// The complete effective configuration as TOML, every key with its meaning and unit. If it is read again, it gives the
+    /// same configuration.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut out = String::new();
@@ -217,7 +216,7 @@ impl Config {
     }
 
     /// One sentence for each pair of blocks whose poles are too close, for a spring without a potential, for numbers
-    /// that are likely in another unit, and for keys that are no more.
+    /// that are probably in another unit, and for keys that no longer exist.
     #[must_use]
     pub fn warnings(&self) -> Vec<String> {
         let mut warnings = self.retired.clone();
@@ -251,7 +250,7 @@ fn parse(text: &str) -> Result<Table, ConfigError> {
     })
 }
 
-/// Lays `upper` over `base`, table by table.
+/// Replaces the keys of `base` by those of `upper`, table by table.
 fn overlay(base: &mut Table, upper: Table) {
     for (key, value) in upper {
         match (base.get_mut(&key), value) {

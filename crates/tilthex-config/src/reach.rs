@@ -4,13 +4,13 @@ use tilthex_core::{
     Matrix3, Vector3, Vehicle, Wrench, allocation::Allocator, so3, types::Vector6, vehicle::Actuation,
 };
 
-/// A wrench counts as given when it is this part of the weight off, N and N m by N.
+/// The rotors produce a wrench if its error (N and N m) is below this part of the weight (N).
 const GIVEN: f64 = 1e-3;
-/// Turns for the sake of lateral force that are tried, parts of the largest.
+/// Number of turns that are tried to produce a lateral force, in equal steps up to the largest.
 const TURNS: usize = 16;
-/// Halvings of the search for the largest wrench.
+/// Number of halvings in the search for the largest wrench.
 const HALVINGS: usize = 12;
-/// No vehicle pushes more, N and N m.
+/// Largest force and torque that the search tries, N and N m.
 const MOST: f64 = 900.0;
 
 /// The wrenches that a vehicle can exert at its tool in hover.
@@ -22,18 +22,18 @@ pub(crate) struct Reach {
 }
 
 impl Reach {
-    /// Of a vehicle that is turned by at most `max_turn`, rad, for the sake of lateral force.
+    /// The reach of a vehicle that turns by at most `max_turn`, rad, to produce a lateral force.
     pub(crate) fn of(vehicle: &Vehicle, max_turn: f64) -> Self {
         Self { vehicle: *vehicle, allocator: Allocator::new(vehicle), max_turn }
     }
 
-    /// Whether its rotors, within their limits, hold it still in an attitude of the tool while the tool exerts a wrench
-    /// on what it touches (world, at the tip); turned, where the force needs that.
+    /// Whether the rotors can hold the vehicle at rest, within their limits, while the tool exerts a wrench on its environment
+    /// (world, at the tip). The tool has the given attitude, turned if the force needs it.
     pub(crate) fn exerts(&self, rotation_we: &Matrix3, wrench_w: &Wrench) -> bool {
         let asked_wr = rotation_we * self.vehicle.tool().rotation_r.transpose();
         let lift_w = wrench_w.force + Vector3::new(0.0, 0.0, self.vehicle.weight());
         if self.vehicle.actuation() != Actuation::Pose {
-            // Its thrust is along its z axis, which points where the force is to go.
+            // The thrust is along the vehicle's z axis, which must point in the direction of the wanted force.
             let level = so3::rot_z(asked_wr[(1, 0)].atan2(asked_wr[(0, 0)]));
             let axis = Vector3::z().cross(&lift_w);
             let angle = axis.norm().atan2(lift_w.z);
@@ -46,7 +46,7 @@ impl Reach {
         })
     }
 
-    /// Whether the rotors give what an attitude takes. The tool's lever turns with the vehicle.
+    /// Whether the rotors produce the wrench that an attitude needs. The tool's lever arm turns with the vehicle.
     fn holds(&self, rotation_wr: &Matrix3, lift_w: &Vector3, wrench_w: &Wrench) -> bool {
         let to_robot = rotation_wr.transpose();
         let torque_r =
@@ -57,12 +57,12 @@ impl Reach {
         (self.allocator.allocate(&required).wrench - required).norm() < GIVEN * self.vehicle.weight()
     }
 
-    /// The largest force, N, that the level vehicle exerts in the direction in which it exerts most.
+    /// The largest force that the level vehicle can exert in any direction, N.
     pub(crate) fn largest_force(&self) -> f64 {
         self.largest(|force| Wrench { force, torque: Vector3::zeros() })
     }
 
-    /// The largest torque, N m, that the level vehicle exerts in the direction in which it exerts most.
+    /// The largest torque that the level vehicle can exert in any direction, N m.
     pub(crate) fn largest_torque(&self) -> f64 {
         self.largest(|torque| Wrench { force: Vector3::zeros(), torque })
     }
@@ -86,7 +86,7 @@ impl Reach {
     }
 }
 
-/// The turn about an axis of any length, by an angle.
+/// The rotation by an angle about an axis, which may have any length.
 fn about(axis: &Vector3, angle: f64) -> Matrix3 {
     let length = axis.norm();
     if length > 0.0 { so3::exp(&(axis * (angle / length))) } else { Matrix3::identity() }

@@ -1,12 +1,13 @@
-//! Keys that earlier versions had: files and logs that hold them are read, and one sentence says what became of each.
+//! Keys that existed in earlier versions. Files and logs with these keys can still be read; a warning says what replaces each
+//! key.
 
 use toml::{Table, Value};
 
-/// A key that is no more.
+/// A key that no longer exists.
 struct Retired {
     section: &'static str,
     key: &'static str,
-    /// What takes its place, as the end of a sentence.
+    /// The end of a sentence that says what replaces it.
     instead: &'static str,
 }
 
@@ -28,7 +29,7 @@ const RETIRED: [Retired; 3] = [
     },
 ];
 
-/// Takes retired keys out of a file's table; a sentence for each.
+/// Removes retired keys from a file's table. Returns a sentence for each.
 pub(super) fn take(file: &mut Table) -> Vec<String> {
     let mut found = Vec::new();
     for retired in &RETIRED {

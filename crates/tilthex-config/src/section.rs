@@ -6,7 +6,7 @@ use std::fmt;
 use tilthex_core::error::check_range;
 use toml::{Table, Value};
 
-/// A fault of a configuration, in one sentence.
+/// An error of a configuration, in one sentence.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ConfigError(String);
 
@@ -15,7 +15,7 @@ impl ConfigError {
         Self(sentence.into())
     }
 
-    /// The error with its place in front: a file or a section.
+    /// The error with its place (a file or a section) before the sentence.
     pub(crate) fn within(self, place: impl fmt::Display) -> Self {
         Self(format!("{place}: {}", self.0))
     }
@@ -40,9 +40,9 @@ impl From<tilthex_core::Error> for ConfigError {
 pub struct Key {
     /// Its name.
     pub name: &'static str,
-    /// Lines of documentation: what it means.
+    /// Lines of documentation: its meaning.
     pub doc: &'static [&'static str],
-    /// Unit of its numbers; "1" for a number without a unit, empty for what is no number.
+    /// Unit of its numbers; "1" for a number without a unit, empty if it is not a number.
     pub unit: &'static str,
     /// Smallest and largest number that is accepted, in that unit.
     pub range: Option<(f64, f64)>,
@@ -51,7 +51,7 @@ pub struct Key {
 }
 
 impl Key {
-    /// Unit and range in words; empty where neither is declared.
+    /// Unit and range in words; empty if neither is declared.
     #[must_use]
     pub fn numbers(&self) -> String {
         let unit = match self.unit {
@@ -89,7 +89,7 @@ pub trait Section: Serialize + DeserializeOwned {
     const KEYS: &'static [Key];
 }
 
-/// A section as the documentation shows it.
+/// A section, for the documentation.
 #[derive(Clone, Debug)]
 pub struct Described {
     /// Its name in the file.
@@ -116,7 +116,7 @@ impl Described {
 /// name: type = default => "unit" from smallest to largest by "order",
 /// ```
 ///
-/// where all after the default may be left out; `order` is the order that changes it in flight.
+/// The parts after the default may be left out. `order` is the order that changes the key in flight.
 macro_rules! section {
     (
         $(#[doc = $doc:literal])*
@@ -158,7 +158,7 @@ macro_rules! section {
 }
 pub(crate) use section;
 
-/// `Some` of what is declared, `None` of nothing.
+/// `Some` of a declared value, `None` without one.
 macro_rules! optional {
     () => {
         None
@@ -169,7 +169,7 @@ macro_rules! optional {
 }
 pub(crate) use optional;
 
-/// Refuses a name that is not among `known`, and says which is nearest.
+/// Refuses a name that is not one of `known`. The error names the nearest one.
 pub(crate) fn check_known<'a>(
     what: &str,
     found: &str,
@@ -189,12 +189,12 @@ pub(crate) fn check_known<'a>(
     Err(ConfigError::new(format!("unknown {what} `{found}`{hint}")))
 }
 
-/// Reads a section from its table, key by key so that an error names its key.
+/// Reads a section from its table, key by key, so that an error names its key.
 pub(crate) fn read<S: Section>(table: &Table) -> Result<S, ConfigError> {
     read_at(&format!("[{}]", S::NAME), table)
 }
 
-/// The same of one of several, whose place errors name.
+/// The same for one of several sections of a kind. Errors name its place.
 pub(crate) fn read_at<S: Section>(place: &str, table: &Table) -> Result<S, ConfigError> {
     for key in table.keys() {
         check_known("key", key, S::KEYS.iter().map(|k| k.name)).map_err(|e| e.within(place))?;
@@ -208,7 +208,7 @@ pub(crate) fn read_at<S: Section>(place: &str, table: &Table) -> Result<S, Confi
         .map_err(|error: toml::de::Error| ConfigError::new(one_line(&error.to_string())).within(place))
 }
 
-/// The section with some of the keys changed that an order may change in flight.
+/// The section with some keys changed by an order. Refuses keys that the order may not change.
 pub(crate) fn changed<S: Section>(section: &S, order: &str, changes: Table) -> Result<S, ConfigError> {
     let changeable = S::KEYS.iter().filter(|k| k.order == Some(order)).map(|k| k.name);
     for key in changes.keys() {
@@ -224,7 +224,7 @@ pub(crate) fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Takes a section out of the file's table; a missing one is the default.
+/// Takes a section out of the file's table. A missing section has the defaults.
 pub(crate) fn take<S: Section + Default>(file: &mut Table) -> Result<S, ConfigError> {
     match file.remove(S::NAME) {
         None => Ok(S::default()),

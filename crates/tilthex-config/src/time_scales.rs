@@ -1,10 +1,10 @@
-//! The observer must be faster than the admittance filter (docs/laws.md): their dominant poles. What the observer and the
-//! pose controller are to each other the margins tell.
+//! Compares the dominant poles of the observer and of the admittance filter: the observer must be faster (docs/laws.md). The
+//! stability margins cover the observer and the pose controller.
 
 use nalgebra::SMatrix;
 use tilthex_core::{Matrix6, controller::ControllerParams};
 
-/// Least ratio of the observer's pole to the admittance filter's dominant one.
+/// Least ratio of the observer's pole to the dominant pole of the admittance filter.
 const OBSERVER_TO_ADMITTANCE: f64 = 1.5;
 
 /// One sentence for each pair of blocks that are too close.
@@ -27,7 +27,7 @@ pub(super) fn warnings(params: &ControllerParams) -> Vec<String> {
     found
 }
 
-/// Of `M s^2 + D s + K` with three axes: the fastest of the three slowest poles, 1/s.
+/// The fastest of the three slowest poles of `M s^2 + D s + K` with three axes, 1/s.
 fn dominant(mass: SMatrix<f64, 3, 3>, damping: SMatrix<f64, 3, 3>, stiffness: SMatrix<f64, 3, 3>) -> f64 {
     let inverse = mass.try_inverse().unwrap_or_else(SMatrix::zeros);
     let mut companion = Matrix6::zeros();

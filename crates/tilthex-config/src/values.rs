@@ -1,9 +1,9 @@
-//! Numbers in the shapes that a configuration may give them.
+//! Numbers in the shapes that a configuration can have.
 
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
-/// One number, several, or rows of them: what TOML can say.
+/// One number, several, or rows of them, as TOML can hold them.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number, a list of numbers or a list of rows")]
 pub(crate) enum Raw {
@@ -22,13 +22,13 @@ impl Raw {
     }
 }
 
-/// One number an axis; a single number stands for all of them.
+/// One number for each axis. A single number holds for all axes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "Raw", into = "Raw")]
 pub struct Axes<const N: usize>(pub [f64; N]);
 
 impl<const N: usize> Axes<N> {
-    /// As a vector.
+    /// The numbers as a vector.
     #[must_use]
     pub fn vector(&self) -> SVector<f64, N> {
         SVector::from(self.0)

@@ -12,7 +12,7 @@ use tilthex_core::{
 };
 use toml::{Table, Value};
 
-/// Vehicles that are always there: name and file.
+/// The built-in vehicles: name and file.
 pub const PRESETS: &[(&str, &str)] = &[
     ("tilt-hex", include_str!("../../../vehicles/tilt-hex.toml")),
     ("tilt-hex-light", include_str!("../../../vehicles/tilt-hex-light.toml")),
@@ -22,7 +22,7 @@ pub const PRESETS: &[(&str, &str)] = &[
     ("coaxial-tilt-hex", include_str!("../../../vehicles/coaxial-tilt-hex.toml")),
 ];
 
-/// Files that may name one another, one after the other.
+/// Longest chain of files in which each names the next.
 const MAX_CHAIN: usize = 100;
 
 section! {
@@ -102,7 +102,7 @@ enum Rotors {
     List(Vec<RotorSection>),
 }
 
-/// A vehicle as its file describes it, and what the core makes of it.
+/// A vehicle as its file describes it, and the core's vehicle that is made from it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VehicleSection {
     body: Body,
@@ -140,10 +140,10 @@ impl VehicleSection {
         &self.vehicle
     }
 
-    /// Reads the section; `folder` is where a relative `file` starts.
+    /// Reads the section. A relative path in `file` begins at `folder`.
     ///
     /// # Errors
-    /// Names the fault and the key.
+    /// Names the error and the key.
     pub fn from_table(table: Table, folder: &Path) -> Result<Self, ConfigError> {
         let here = |e: ConfigError| e.within("[vehicle]");
         let mut table = resolve(table, folder, &mut Vec::new())?;
@@ -187,7 +187,7 @@ impl VehicleSection {
         Ok(Self { body, rotors, vehicle })
     }
 
-    /// A vehicle that is there already, each rotor described by itself.
+    /// Describes an existing vehicle, each rotor by itself.
     #[must_use]
     pub fn of(name: &str, vehicle: Vehicle) -> Self {
         let angles = |m: &Mounting| Axes(yaw_pitch_roll(&m.rotation_r).map(f64::to_degrees));
@@ -214,10 +214,10 @@ impl VehicleSection {
         Self { body, rotors: Rotors::List(rotors.collect()), vehicle }
     }
 
-    /// The same with some keys changed, as a `[vehicle]` table names them.
+    /// A copy with some keys changed. `changes` has the keys of a `[vehicle]` table.
     ///
     /// # Errors
-    /// As [`Self::from_table`].
+    /// The same as those of [`Self::from_table`].
     pub fn overlaid(&self, changes: Table) -> Result<Self, ConfigError> {
         let mut table = vehicle_of_text(&self.to_toml())?;
         if changes.contains_key("preset") || changes.contains_key("file") {
@@ -232,7 +232,7 @@ impl VehicleSection {
         Self::from_table(table, Path::new(""))
     }
 
-    /// The section as TOML, complete, every key with its meaning and unit; reading it gives this again.
+    /// The complete section as TOML, every key with its meaning and unit. If it is read again, it gives the same vehicle.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut out = String::new();
@@ -269,8 +269,8 @@ fn vehicle_of_text(text: &str) -> Result<Table, ConfigError> {
     }
 }
 
-/// Adds the keys of `preset` or `file`; keys beside them win.
-/// `seen` are the files that have led to this table.
+/// Adds the keys of `preset` or `file`. Keys in the table itself override them. `seen` are the files that have led to this
+/// table.
 fn resolve(mut table: Table, folder: &Path, seen: &mut Vec<PathBuf>) -> Result<Table, ConfigError> {
     let here = |e: ConfigError| e.within("[vehicle]");
     let (mut base, folder) = match (table.remove("preset"), table.remove("file")) {
@@ -297,7 +297,7 @@ fn resolve(mut table: Table, folder: &Path, seen: &mut Vec<PathBuf>) -> Result<T
         _ => return Err(here(ConfigError::new("expected one of `preset` and `file`, a text"))),
     };
     base = resolve(base, &folder, seen)?;
-    // Rotors given one way replace those given the other.
+    // Rotors that are described in one way replace those of the other way.
     for (given, replaced) in [("rotors", "tilted_hexarotor"), ("tilted_hexarotor", "rotors")] {
         if table.contains_key(given) {
             base.remove(replaced);
@@ -314,7 +314,7 @@ fn require(table: &Table, place: &str, keys: &[&str]) -> Result<(), ConfigError>
     }
 }
 
-/// Reads a table whose keys must all be there, except for the rotor offset.
+/// Reads a table in which every key must be given, except for the rotor offset.
 fn read_complete<S: Section>(table: &Table, place: &str) -> Result<S, ConfigError> {
     let section = section::read_at(place, table)?;
     let needed: Vec<_> = S::KEYS.iter().map(|k| k.name).filter(|k| *k != "rotor_offset").collect();
@@ -333,7 +333,7 @@ pub(super) fn mounting(position: &Axes<3>, rotation_deg: &Axes<3>) -> Mounting {
 /// Roll, pitch and yaw, rad, of `Rz(yaw) Ry(pitch) Rx(roll)`.
 fn yaw_pitch_roll(r: &tilthex_core::Matrix3) -> [f64; 3] {
     let pitch = (0.0 - r[(2, 0)]).clamp(-1.0, 1.0).asin();
-    // Looking straight up or down only the sum of roll and yaw shows: all of it is yaw.
+    // At a pitch of 90 degrees only the sum of roll and yaw is known. All of it is written as yaw.
     if r[(2, 0)].abs() > 1.0 - 1e-12 {
         return [0.0, pitch, (-r[(0, 1)]).atan2(r[(1, 1)])];
     }

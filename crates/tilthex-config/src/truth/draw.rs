@@ -3,7 +3,7 @@
 use super::{sections::ErrorSection, spread::stream};
 use tilthex_core::{Error, Matrix3, Rotor, Vector3, Vehicle, random::Random, so3, vehicle::Mounting};
 
-/// How often moments that no body has are drawn again.
+/// Number of draws of the moments of inertia before an error, if no body can have them.
 const ATTEMPTS: usize = 1000;
 
 /// The true vehicle of a model, and its centre of mass in the model's robot frame, m.
@@ -30,7 +30,7 @@ pub(super) fn vehicle(
         .iter()
         .map(|rotor| {
             let turn = Vector3::from_fn(|_, _| errors.rotor_axis_deg.draw(&mut turns).to_radians());
-            // The part along the axis turns nothing.
+            // The part of the turn along the axis has no effect.
             let across = turn - rotor.axis_r * rotor.axis_r.dot(&turn);
             Rotor {
                 position_r: rotor.position_r - centre,
@@ -57,7 +57,7 @@ pub(super) fn vehicle(
     Ok((vehicle, centre))
 }
 
-/// An axis after a turn; without one exactly the same.
+/// An axis after a turn. Without a turn, it is exactly the same axis.
 fn turned(axis: &Vector3, turn: &Vector3) -> Vector3 {
     if *turn == Vector3::zeros() { *axis } else { (so3::exp(turn) * axis).normalize() }
 }

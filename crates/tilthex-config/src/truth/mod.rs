@@ -1,15 +1,15 @@
-//! The `[truth]` table: in what the simulated vehicle differs from the model that the controller has.
+//! The `[truth]` table: the differences between the simulated vehicle and the controller's model.
 //!
 //! ```toml
 //! [truth]
-//! level = "measured"            # what lies under the keys below: "exact", "measured", "cad", "outdoors"
+//! level = "measured"            # the values of all other keys: "exact", "measured", "cad", "outdoors"
 //! [truth.vehicle]               # any key of [vehicle]
 //! mass = { mean = 2.5, std = 0.05 }
 //! [truth.aerodynamics]
 //! wind_speed = 3.0
 //! ```
 //!
-//! The controller never sees it. A vehicle is drawn from it for each seed.
+//! The controller does not know this table. For each seed, a vehicle is drawn from it.
 
 mod draw;
 mod sections;
@@ -29,7 +29,7 @@ use tilthex_core::{
 };
 use toml::{Table, Value};
 
-/// Levels that are always there: name and file.
+/// The built-in levels: name and file.
 pub const LEVELS: &[(&str, &str)] = &[
     ("exact", "[truth]\n"),
     ("measured", include_str!("../../../../truths/measured.toml")),
@@ -48,7 +48,7 @@ pub(super) fn described() -> Vec<Described> {
     ]
 }
 
-/// A checked `[truth]` table, of no vehicle yet.
+/// A checked `[truth]` table. It does not belong to a vehicle yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TruthSection {
     name: String,
@@ -65,11 +65,11 @@ pub struct TruthSection {
 pub struct TrueVehicle {
     /// The seed it was drawn with.
     pub seed: u64,
-    /// The vehicle as it is.
+    /// The true vehicle.
     pub vehicle: VehicleSection,
     /// Its centre of mass in the model's robot frame, m.
     pub centre_of_mass_r: Vector3,
-    /// What acts on it beside rotors and weight.
+    /// What acts on it in addition to rotors and weight.
     pub effects: Effects,
     /// Its delays.
     pub delays: DelaysSection,
@@ -97,7 +97,7 @@ impl TruthSection {
     /// One of [`LEVELS`], or the `[truth]` of a TOML file.
     ///
     /// # Errors
-    /// Names the fault, and the levels that exist.
+    /// Names the error, and the levels that exist.
     pub fn named(name: &str) -> Result<Self, ConfigError> {
         if name.ends_with(".toml") {
             Self::from_file(Path::new(name))
@@ -122,7 +122,7 @@ impl TruthSection {
     /// Reads the table.
     ///
     /// # Errors
-    /// Names the fault and the key.
+    /// Names the error and the key.
     pub fn from_table(table: Table) -> Result<Self, ConfigError> {
         let named = table.get("level").and_then(Value::as_str).unwrap_or("exact").to_owned();
         let alone = table.len() == usize::from(table.contains_key("level"));
@@ -155,12 +155,12 @@ impl TruthSection {
             sensors: take("sensors")?,
             delays: take("delays")?,
         };
-        // What is drawn is checked with every draw; this finds wrong keys and shapes before a flight.
+        // Every draw checks its values. This draw finds wrong keys and shapes before a flight.
         section.drawn_sections(0)?;
         Ok(section)
     }
 
-    /// What it is called: its level, its file, or its `name`.
+    /// Its name: its level, its file, or its key `name`.
     #[must_use]
     pub fn name(&self) -> &str {
         &self.name
@@ -223,16 +223,16 @@ impl TruthSection {
 }
 
 impl TrueVehicle {
-    /// The vehicle and what acts on it.
+    /// The simulated body of this vehicle, with all that acts on it.
     ///
     /// # Errors
-    /// Never for one that was drawn: its effects are checked.
+    /// Never for a drawn vehicle, because its effects were checked.
     pub fn plant(&self) -> Result<Plant, tilthex_core::Error> {
         Plant::with_effects(*self.vehicle.vehicle(), self.effects)
     }
 
-    /// The sensors, where a program's own have these parameters: noise that `[truth.sensors]` sets
-    /// replaces theirs, its biases and the like add to them, and the captured point stays on the airframe.
+    /// The sensors of this vehicle for a program whose sensors have the parameters `own`. Noise in `[truth.sensors]` replaces
+    /// the noise of `own`; biases, scales and misalignments are added. The captured point stays on the airframe.
     #[must_use]
     pub fn sensors(&self, own: &SensorParams) -> SensorParams {
         let s = &self.sensors;
@@ -252,7 +252,7 @@ impl TrueVehicle {
         }
     }
 
-    /// What was drawn, as TOML: the vehicle and every section, each key with its meaning and unit.
+    /// The drawn values as TOML: the vehicle and every section, each key with its meaning and unit.
     #[must_use]
     pub fn to_toml(&self) -> String {
         let mut out = format!("# Drawn with seed {}.\n\n", self.seed);
@@ -268,7 +268,7 @@ impl TrueVehicle {
 fn effects(a: &AerodynamicsSection, s: &StructureSection) -> Effects {
     let direction = |degrees: f64| so3::rot_z(degrees.to_radians()) * Vector3::x();
     let ground = a.ground.map(|height| Surface { normal_w: Vector3::z(), offset: height });
-    // Its normal points back to where the vehicle is.
+    // The normal of the wall points towards the vehicle.
     let wall =
         a.wall.map(|distance| Surface { normal_w: -direction(a.wall_direction_deg), offset: -distance });
     Effects {
@@ -338,7 +338,7 @@ fn truth_of_text(text: &str) -> Result<Table, ConfigError> {
     }
 }
 
-/// Puts the keys of the `level` under those that stand beside it.
+/// Adds the keys of the `level`. Keys in the table itself override them.
 fn resolve(mut table: Table, depth: usize) -> Result<Table, ConfigError> {
     let mut base = match table.remove("level") {
         None => return Ok(table),
@@ -354,7 +354,7 @@ fn resolve(mut table: Table, depth: usize) -> Result<Table, ConfigError> {
     Ok(base)
 }
 
-/// Lays `upper` over `base`, table by table; a distribution is one value.
+/// Replaces the keys of `base` by those of `upper`, table by table. A distribution is one value.
 fn overlay(base: &mut Table, upper: Table) {
     for (key, value) in upper {
         match (base.get_mut(&key), value) {

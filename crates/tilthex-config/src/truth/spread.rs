@@ -1,30 +1,30 @@
-//! Numbers that are drawn: a value, or a distribution in its place.
+//! Numbers that are drawn: a value, or a distribution instead of it.
 
 use super::super::section::ConfigError;
 use serde::{Deserialize, Serialize};
 use tilthex_core::random::Random;
 use toml::{Table, Value};
 
-/// Draws of a normal distribution beyond this many deviations are drawn again.
+/// Number of standard deviations at which a normal distribution is cut: a draw outside of them is drawn again.
 const CUT: f64 = 3.0;
 /// The keys that make a table a distribution.
 const KEYS: [&str; 4] = ["mean", "std", "min", "max"];
 
-/// A number, or the distribution that it is drawn from.
+/// A number, or the distribution from which it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, expecting = "expected a number, { mean, std } or { min, max }")]
 pub enum Spread {
-    /// Always this.
+    /// A fixed number.
     Fixed(f64),
-    /// Normal with a mean (0 without) and a standard deviation, cut at three deviations.
+    /// Normal distribution with a mean (0 if it is not given) and a standard deviation, cut at three deviations.
     Normal {
-        /// Its middle.
+        /// Mean.
         #[serde(default)]
         mean: f64,
         /// Standard deviation before the cut.
         std: f64,
     },
-    /// Uniform.
+    /// Uniform distribution.
     Uniform {
         /// Smallest.
         min: f64,
@@ -57,7 +57,7 @@ impl Spread {
         }
     }
 
-    /// Refuses a value that is no distribution.
+    /// Refuses a value that is not a distribution.
     ///
     /// # Errors
     /// What is wrong.
@@ -76,8 +76,8 @@ impl Spread {
     }
 }
 
-/// A stream of random numbers of its own for every seed and key, so that a key more or less
-/// leaves the draws of the others as they are.
+/// A separate stream of random numbers for every seed and key, so that an additional key does not change the draws of the
+/// others.
 pub(super) fn stream(seed: u64, key: &str) -> Random {
     // FNV-1a over the key's name.
     let hash = key.bytes().fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| {
@@ -92,7 +92,7 @@ pub(super) fn is_distribution(value: &Value) -> bool {
     value.as_table().is_some_and(|t| !t.is_empty() && t.keys().all(|key| KEYS.contains(&key.as_str())))
 }
 
-/// Replaces every distribution in a table by a draw of it.
+/// Replaces every distribution in a table by a draw from it.
 ///
 /// # Errors
 /// Names the key.
@@ -130,7 +130,7 @@ fn drawn_value(value: &Value, place: &str, seed: u64) -> Result<Value, ConfigErr
     }
 }
 
-/// The distribution of each number of a list; a single number stands for all of them.
+/// The distribution of each number of a list. A single number holds for all of them.
 fn components(table: &Table) -> Result<Vec<Spread>, ConfigError> {
     let lengths: Vec<usize> = table.values().filter_map(|v| v.as_array().map(Vec::len)).collect();
     let count = lengths.first().copied().unwrap_or(1);
