@@ -17,7 +17,8 @@ import numpy as np
 import tilthex
 from numpy.typing import NDArray
 from tilthex._quaternions import rotations_from_quaternions
-from tilthex.estimate import Calibration, calibrate, pose_errors
+from tilthex.estimate import calibrate, pose_errors
+from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
 from benchmarks.ukf import compare
@@ -64,8 +65,8 @@ def config() -> tilthex.Config:
     return default.replace(vehicle=mounting, estimator=KEYS)
 
 
-def found_offset(recording: Recording) -> Calibration:
-    """The position of the markers and the latency, from a minute of motion."""
+def minute(recording: Recording) -> Recording:
+    """The minute of motion that calibrates, with a third of its poses."""
     begin, end = 60.0, 120.0
     inside = (recording.imu_time >= begin) & (recording.imu_time < end)
     part = Recording(
@@ -77,8 +78,7 @@ def found_offset(recording: Recording) -> Calibration:
         recording.rotation,
         recording.pose_arrival_time,
     ).select((recording.pose_time >= begin) & (recording.pose_time < end))
-    part = part.select(np.arange(len(part.pose_time)) % 3 == 0)
-    return calibrate(part, config())
+    return part.select(np.arange(len(part.pose_time)) % 3 == 0)
 
 
 def with_gaps(recording: Recording, every: float, length: float) -> Array:
@@ -87,10 +87,19 @@ def with_gaps(recording: Recording, every: float, length: float) -> Array:
 
 
 def errors(recording: Recording) -> None:
-    """Prints the calibration, then a table of errors at withheld poses."""
-    offset = found_offset(recording)
-    print(f"{offset}\n")
+    """Prints what calibrate finds, and a table of errors at withheld poses without and with its noises."""
+    part = minute(recording)
+    offset = calibrate(part, config())
     known = offset.config(config())
+    print(f"{offset}\n")
+    table(recording, known)
+    noises = find_noises(part, known)
+    print(f"\nWith the noises that calibrate finds:\n\n{noises}\n")
+    table(recording, noises.config(known))
+
+
+def table(recording: Recording, known: tilthex.Config) -> None:
+    """Prints the errors at withheld poses."""
     number = np.arange(len(recording.pose_time))
     print("| poses fed | withheld | position rms, 95 %, max (mm) | rotation rms, 95 %, max (deg) | NIS |")
     print("|---|---|---|---|---|")

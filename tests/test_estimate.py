@@ -9,6 +9,7 @@ import tilthex
 from scipy.spatial.transform import Rotation
 from tilthex.__main__ import main
 from tilthex.estimate import calibrate, pose_errors
+from tilthex.noises import find_noises
 from tilthex.recording import Recording
 from ukf_reference import recording as simulated
 
@@ -109,6 +110,29 @@ def test_calibration_finds_offset_turn_and_latency(config):
     known = found.config(config)
     errors = pose_errors(recording, recording.estimate(tilthex.Ukf(known)), known)
     assert np.sqrt(np.mean(errors.position[50:] ** 2)) < 1e-3
+
+
+def test_the_noises_of_a_recording_are_found(config):
+    """Those of `ukf_reference.recording`; white noise of s at 500 Hz has the density s / sqrt(500 Hz)."""
+    t, gyro, force, taken, measured, turned, _ = simulated(3, 1200)
+    stamp = t[taken]
+    recording = Recording(t, gyro, force, stamp, measured, turned, stamp)
+    true = {
+        "position_noise": 0.3e-3,
+        "rotation_noise_deg": np.degrees(2e-3),
+        "gyro_noise": 0.005 / np.sqrt(500),
+        "accelerometer_noise": 0.15 / np.sqrt(500),
+    }
+    wrong = {key: value * factor for (key, value), factor in zip(true.items(), (5, 0.3, 4, 0.3), strict=True)}
+    found = find_noises(recording, config.replace(estimator=wrong))
+    for key, value in true.items():
+        off = abs(np.log(found.values[key] / value))
+        assert off < 4 * found.deviation[key], (key, value, found)
+    # The gyro is so good that these poses do not show its noise.
+    assert max(found.deviation[key] for key in true if key != "gyro_noise") < 0.2, found
+    assert tilthex.Config.from_text(found.config(config).to_toml()) == found.config(config)
+    with pytest.raises(ValueError, match="99 poses; expected 100"):
+        find_noises(recording.select(np.arange(99)), config)
 
 
 def test_a_calibration_that_is_none_is_refused(config):

@@ -1,4 +1,4 @@
-"""`tilthex estimate` runs the estimator over a recording; `tilthex calibrate` finds the captured body."""
+"""`tilthex estimate` runs the estimator over a recording; `tilthex calibrate` finds its parameters."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core
+from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
 Array = NDArray[np.float64]
@@ -305,8 +306,21 @@ def _estimate(arguments: argparse.Namespace) -> None:
 
 
 def _calibrate(arguments: argparse.Namespace) -> None:
-    config = _config(arguments)
-    print(calibrate(_recording(arguments, config), config))
+    given = _config(arguments)
+    recording = _recording(arguments, given)
+    found = calibrate(recording, given)
+    placed = found.config(given)
+    noises = find_noises(recording, placed)
+    print(f"{found}\n{noises}\n")
+    print("errors at every second pose, if the filter does not get it:")
+    fed = np.arange(len(recording.pose_time)) % 2 == 0
+    for name, config in (
+        ("before", given),
+        ("with the place of the body", placed),
+        ("with all keys", noises.config(placed)),
+    ):
+        run = recording.select(fed).estimate(_core.Ukf(config))
+        print(f"  {name}: {pose_errors(recording.select(~fed), run, config)}; NIS {np.nanmean(run.nis):.2f}")
 
 
 def _recording(arguments: argparse.Namespace, config: _core.Config) -> Recording:
@@ -326,7 +340,9 @@ def add_parser(commands: Any) -> None:
     estimate.add_argument("--plot", type=Path, metavar="FILE.png", help="write a figure of the innovations")
     estimate.add_argument("--out", type=Path, metavar="FILE.csv", help="write the states")
     estimate.set_defaults(run=_estimate)
-    calibration = commands.add_parser("calibrate", help="find the captured body's place on the robot")
+    calibration = commands.add_parser(
+        "calibrate", help="find the captured body's place on the robot, the latency and the noises"
+    )
     calibration.set_defaults(run=_calibrate)
     for parser in (estimate, calibration):
         parser.add_argument(
