@@ -46,18 +46,18 @@ friction = 0.2
 
 [[trajectory.waypoint]]
 phase = "approach"
-position = [0.0, 0.0, 0.5]
-hold = 1.0
+position = [0.0, 0.0, 0.475]
+hold = 0.5
 
 [[trajectory.waypoint]]
 phase = "touch"
 position = [0.0, 0.0, 0.455]
-duration = 5.0
+duration = 2.0
 
 [[trajectory.waypoint]]
 phase = "press"
 position = [0.0, 0.0, 0.36]
-duration = 3.0
+duration = 2.5
 hold = 4.0
 
 [[run]]
