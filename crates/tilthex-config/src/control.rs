@@ -255,12 +255,10 @@ impl AttitudeSection {
     }
 }
 
-/// Defaults that differ where a vehicle moves sideways only by tilting: there
-/// the attitude stands between the position's error and its force, and the
-/// position loop and the observer whose estimate it compensates must be slower.
-/// Such a vehicle has no other lateral force, and may turn further for it.
-/// And what each can push. Where rotors or link (in `given`) are so slow that these gains leave little margin,
-/// derived ones.
+/// Defaults that depend on the vehicle. If it moves sideways only by tilting, the attitude must change before a lateral force
+/// acts: the position loop, and the observer whose estimate it compensates, must be slower, and the vehicle may turn further.
+/// The largest forces and torques are those that the vehicle can exert. If rotors or link (in `given`) are so slow that
+/// these gains leave little margin, the gains are derived from the vehicle.
 pub(super) fn defaults(vehicle: &Vehicle, given: &Table) -> Result<Table, ConfigError> {
     let reach = Reach::of(vehicle, 0.0);
     // In tenths, within what the section takes.
@@ -272,7 +270,7 @@ pub(super) fn defaults(vehicle: &Vehicle, given: &Table) -> Result<Table, Config
         params.pose.position = Vector3::repeat(5.0);
         params.pose.velocity = Vector3::repeat(5.0);
     }
-    // What cannot be of the link is said where it is read.
+    // Errors of `[link]` are reported where the section is read.
     let link = given.get("link").and_then(toml::Value::as_table);
     let link: LinkSection = link.and_then(|table| section::read(table).ok()).unwrap_or_default();
     let model = LoopModel::new(params, vehicle, vehicle, link.loop_delays());

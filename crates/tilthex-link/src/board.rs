@@ -6,7 +6,7 @@ use tilthex_core::{RotorVector, plant::ImuSample};
 /// Microseconds since the board was powered.
 pub type Micros = u64;
 
-/// What the board's sensors see when a stream is due.
+/// What the board's sensors measure when a stream is due.
 #[derive(Clone, Copy, Debug)]
 pub struct Measurements {
     /// The IMU.
@@ -15,10 +15,10 @@ pub struct Measurements {
     pub rotor_speeds: RotorVector,
 }
 
-/// What a board notes of its conversation with the host.
+/// What a board records of its conversation with the host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Noted {
-    /// When the first of the motors that then all spun was ordered to start.
+    /// Time of the first order to start a motor, in the start in which all motors then spun.
     pub first_start: Option<Micros>,
     /// Number of commands to all motors that were received.
     pub commands_received: u64,
@@ -26,9 +26,9 @@ pub struct Noted {
     pub samples_sent: u64,
 }
 
-/// The board's end of a link, for a simulated vehicle. It runs on the time that it is told.
+/// The board's end of a link, for a simulated vehicle. Every call gives it the time.
 pub trait Board {
-    /// Takes bytes from the host; answers go to `out`.
+    /// Takes bytes from the host. Appends answers to `out`.
     fn receive(&mut self, bytes: &[u8], now: Micros, out: &mut Vec<u8>);
 
     /// Lets `dt` seconds pass up to `now`. Samples that are due are measured by `measure` and written to `out`.
@@ -41,9 +41,9 @@ pub trait Board {
         out: &mut Vec<u8>,
     );
 
-    /// Speeds that the motors drive their rotors to, Hz.
+    /// Speeds to which the motors drive their rotors, Hz.
     fn commands(&self) -> RotorVector;
 
-    /// What it has noted of the conversation so far.
+    /// What it has recorded of the conversation since the start.
     fn noted(&self) -> Noted;
 }

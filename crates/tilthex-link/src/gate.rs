@@ -15,7 +15,7 @@ pub struct GateParams<const N: usize> {
     pub jump: [f64; N],
     /// A jump is accepted once this many samples in a row agree with it.
     pub patience: u8,
-    /// At most this many samples in a row, without a lost sample between them, are refused for their jumps. In an
+    /// Largest number of samples in a row, without a lost sample between them, that are refused for their jumps. In an
     /// impact no sample agrees with the one before, but the samples are right.
     pub longest: u8,
 }
@@ -119,7 +119,7 @@ impl<const N: usize> Gate<N> {
         Verdict::Jump
     }
 
-    /// Forgets the last sample, as is right after a silence.
+    /// Forgets the last sample. It is called after a silence.
     pub fn forget(&mut self) {
         self.last = None;
         self.interrupt();

@@ -11,7 +11,7 @@ use tilthex_core::{
 pub enum Arrival {
     /// A new sample.
     New {
-        /// When it was made, s on the host's clock: not before the last sample, and not after its arrival.
+        /// Time at which it was made, s, host's clock: not before the last sample, and not after its arrival.
         time: f64,
         /// Samples lost since the one before.
         lost: u32,
@@ -20,8 +20,8 @@ pub enum Arrival {
     },
     /// The number of the last sample again; the sample is dropped.
     Duplicate,
-    /// A number that fits neither the clock nor the numbers beside it: probably a flipped bit. The sample may be
-    /// good, but its time is not known.
+    /// A number that fits neither the clock nor the numbers before and after it: probably a flipped bit. The sample may
+    /// be good, but its time is not known.
     Suspect,
 }
 
@@ -34,7 +34,7 @@ pub struct SequenceCounters {
     pub lost: u32,
     /// Samples that came again.
     pub duplicates: u32,
-    /// Samples with a number that fits nothing.
+    /// Samples with a suspect number.
     pub suspect: u32,
 }
 
@@ -44,7 +44,7 @@ struct Last {
     count: u64,
     arrival: f64,
     time: f64,
-    /// A suspect number; it is believed when the next number follows it.
+    /// A suspect number. It is accepted if the next number follows it.
     candidate: Option<u8>,
 }
 
@@ -71,7 +71,7 @@ pub struct SequenceClock {
 }
 
 impl SequenceClock {
-    /// After a silence of this many periods the numbers mean nothing, and the clock starts again.
+    /// Number of periods of silence after which the numbers have no meaning, and the clock starts again.
     const SILENCE: f64 = 128.0;
 
     /// A stream with a period in s that has received no sample. Stamps may differ by four periods, or by the

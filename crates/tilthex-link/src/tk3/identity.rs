@@ -1,4 +1,4 @@
-//! Who is at the other end.
+//! The identity of the vehicle's board.
 
 /// A family of boards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,14 +33,14 @@ impl Board {
 pub struct Identity {
     /// The board.
     pub board: Board,
-    /// Before the dot.
+    /// Major version, before the dot.
     pub major: u16,
-    /// After the dot.
+    /// Minor version, after the dot.
     pub minor: u16,
 }
 
 impl Identity {
-    /// Reads an identity text, such as `chimera1.1`; `None` when it is anything else.
+    /// Reads an identity text, such as `chimera1.1`; `None` for any other text.
     #[must_use]
     pub fn parse(text: &[u8]) -> Option<Self> {
         Board::ALL.into_iter().find_map(|board| {

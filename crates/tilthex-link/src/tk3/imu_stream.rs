@@ -1,4 +1,4 @@
-//! The vehicle's inertial stream: from frames to samples with times, and what is wrong with it.
+//! The vehicle's inertial stream: gives the frames times on the host's clock, and marks samples that are wrong.
 
 use super::{Identity, ImuFrame, ImuScales};
 use crate::{Arrival, Gate, GateCounters, GateParams, LineDelay, LinkParams, SequenceClock, Verdict};
@@ -9,13 +9,13 @@ use tilthex_core::{
     supervisor::limits::IMU_FROZEN,
 };
 
-/// Counts from here on are the end of the IMU's range.
+/// Counts of at least this magnitude are at the end of the IMU's range.
 const FULL_SCALE: u16 = 32_760;
 /// Largest change of an inertial reading from one sample to the next: rad/s, m/s^2.
 const IMU_JUMP: (f64, f64) = (3.0, 40.0);
-/// A jump, or another length, is believed after this many samples that agree with it.
+/// Number of samples that must agree with a jump, or with another length, before it is accepted.
 const PATIENCE: u8 = 4;
-/// No more inertial samples than these are refused in a row for their jumps: an impact shakes.
+/// Largest number of inertial samples in a row that are refused for their jumps, because an impact shakes the IMU.
 const MOST_REFUSED: u8 = 2;
 
 /// The stream.
@@ -33,10 +33,10 @@ pub(super) struct ImuStream {
 }
 
 impl ImuStream {
-    /// Before the first frame.
+    /// The state before the first frame.
     ///
     /// # Errors
-    /// A period that [`SequenceClock::new`] refuses.
+    /// If [`SequenceClock::new`] refuses the period.
     pub(super) fn new(params: &LinkParams) -> Result<Self, Error> {
         let period = f64::from(params.imu_period_us) * 1e-6;
         let (rate, force) = IMU_JUMP;
@@ -56,13 +56,13 @@ impl ImuStream {
         })
     }
 
-    /// Takes the units of a board, where none are configured. Whether there are any.
+    /// Uses the units of a board, if none are configured. Returns whether units are known.
     pub(super) fn know(&mut self, identity: &Identity) -> bool {
         self.scales = self.scales.or(ImuScales::known(identity));
         self.scales.is_some()
     }
 
-    /// Takes a frame that arrived at `now`, s; `out` gets the sample and its state.
+    /// Takes a frame that arrived at `now`, s, and writes the sample and the stream's state to `out`.
     pub(super) fn take(&mut self, frame: &ImuFrame, now: f64, out: &mut InertialTelemetry) {
         let Some(scales) = self.scales else { return };
         let (time, lost) = match self.clock.step(frame.sequence, now) {
@@ -74,7 +74,7 @@ impl ImuStream {
             Arrival::Duplicate => return,
             Arrival::Suspect => (now, 1),
         };
-        // Two lost bytes make a frame with a temperature look like one without.
+        // If two bytes are lost, a frame with a temperature looks like one without it.
         let other_length = |last: ImuFrame| last.temperature.is_some() != frame.temperature.is_some();
         if self.last_frame.is_some_and(other_length) && self.odd_lengths < PATIENCE {
             self.odd_lengths += 1;
@@ -96,7 +96,7 @@ impl ImuStream {
         }
         let (f, w) = scales.decode(frame);
         let verdict = self.gate.step(&[w.x, w.y, w.z, f.x, f.y, f.z], lost);
-        // Two jumps in a row are no flipped bit.
+        // Two jumps in a row are not caused by a flipped bit.
         let leaps = verdict == Verdict::Jump;
         self.shaken |= leaps && self.leapt;
         self.leapt = leaps;
@@ -114,7 +114,7 @@ impl ImuStream {
         self.clock.counters().lost
     }
 
-    /// What its gate has passed and refused.
+    /// What its gate has accepted and refused.
     #[must_use]
     pub(super) fn gate_counters(&self) -> GateCounters {
         self.gate.counters()

@@ -1,10 +1,8 @@
-//! tk3, the serial protocol of the Telekyb3 family of vehicles, both
-//! directions: the host reads [`VehicleMessage`]s and writes [`HostMessage`]s,
-//! a vehicle (or its simulator) the other way round.
+//! tk3, the serial protocol of the Telekyb3 family of vehicles, in both directions: the host reads [`VehicleMessage`]s and
+//! writes [`HostMessage`]s; a vehicle (or its simulator) reads [`HostMessage`]s and writes [`VehicleMessage`]s.
 //!
-//! A frame is `^ body $`; the body starts with the message's letter. There is
-//! neither a length nor a checksum: a bit flipped inside a frame passes, so
-//! every sample must go through a [`crate::Gate`] before it is believed.
+//! A frame is `^ body $`. The body starts with the message's letter. There is neither a length nor a checksum, so that a
+//! flipped bit inside a frame is not noticed. Every sample must therefore pass a [`crate::Gate`] before it is used.
 
 #[cfg(feature = "board")]
 pub mod board;

@@ -1,4 +1,4 @@
-//! Bytes to messages, with counts of all refusals.
+//! Decodes bytes to messages, and counts all refusals.
 
 use super::frame::{Decoder, FrameCounters};
 use crate::bump;
@@ -25,7 +25,7 @@ pub trait Message: Sized {
     /// Reads a frame's body.
     ///
     /// # Errors
-    /// The [`Refusal`] when the letter, the length or a number is not one of this direction's.
+    /// The [`Refusal`], if the letter, the length or a number is not valid in this direction.
     fn parse(body: &[u8]) -> Result<Self, Refusal>;
 }
 
@@ -79,7 +79,7 @@ impl<M> Default for Receiver<M> {
 }
 
 impl<M: Message> Receiver<M> {
-    /// Takes the next byte; the message that it completes, if it does.
+    /// Takes the next byte, and returns the message if the byte completes one.
     pub fn push(&mut self, byte: u8) -> Option<M> {
         let frame = self.decoder.push(byte)?;
         match M::parse(frame.body()) {

@@ -3,8 +3,8 @@
 use super::{Board, Identity, ImuFrame};
 use tilthex_core::types::Vector3;
 
-/// What one count of the IMU means. Configuration: newer firmware has
-/// configurable ranges and does not say in a known way which one is set.
+/// The physical values of one count of the IMU. They can be configured, because newer firmware has configurable ranges and
+/// announces the range in an unknown way.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuScales {
     /// m/s^2 per count.
@@ -22,7 +22,7 @@ impl ImuScales {
         gyro: 1000.0 * core::f64::consts::PI / 180.0 / 32_768.0,
     };
 
-    /// The scales that a board is known to use; `None` where only the configuration can tell.
+    /// The known scales of a board; `None` if the configuration must give them.
     #[must_use]
     pub fn known(identity: &Identity) -> Option<Self> {
         match identity.board {

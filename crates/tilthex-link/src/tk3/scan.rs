@@ -10,7 +10,7 @@ pub(super) enum Scan {
 }
 
 impl Scan {
-    /// Scans bytes in the order of their arrival: whether an inertial frame has ended among them.
+    /// Scans bytes in the order of their arrival. Returns whether an inertial frame has ended in them.
     pub(super) fn finds_imu(&mut self, bytes: &[u8]) -> bool {
         let mut found = false;
         for &byte in bytes {

@@ -1,9 +1,9 @@
-//! Rotor speeds on the wire: half a revolution's period in microseconds.
+//! Rotor speeds as the protocol sends them: the time of half a revolution in microseconds.
 
 /// Microseconds in half a second: a rotor at `w` Hz takes this over `w` for half a turn.
 const HALF_SECOND: f64 = 500_000.0;
 
-/// The lowest speed that the wire can express, Hz: `500000 / 32767`. Zero cannot be sent.
+/// The lowest speed that the protocol can send, Hz: `500000 / 32767`. Zero cannot be sent.
 pub const LOWEST_SPEED: f64 = HALF_SECOND / 32_767.0;
 
 /// The half period, us, that asks for a speed in Hz: `trunc(500000 / speed)`,

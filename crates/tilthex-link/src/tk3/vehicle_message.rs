@@ -16,7 +16,7 @@ pub struct ImuFrame {
     pub accelerometer: [i16; 3],
     /// Angular velocity, counts, IMU coordinates.
     pub gyro: [i16; 3],
-    /// Temperature, counts, where the board sends it.
+    /// Temperature, counts, if the board sends it.
     pub temperature: Option<i16>,
 }
 
@@ -40,7 +40,7 @@ impl MotorState {
     /// The bit of a motor in emergency stop.
     pub const EMERGENCY: u8 = 0x80;
 
-    /// The motor's number, from 1 (0 when the board sends none).
+    /// The motor's number, from 1 (0 if the board sends none).
     #[must_use]
     pub const fn motor(self) -> u8 {
         self.0 & 0x0f
@@ -100,7 +100,7 @@ const fn letter(severity: Severity) -> u8 {
 /// A message from the vehicle to the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum VehicleMessage {
-    /// Who it is, see [`super::Identity::parse`].
+    /// The identity of the vehicle, see [`super::Identity::parse`].
     Identity(Text),
     /// One sample of the IMU.
     Imu(ImuFrame),
@@ -127,11 +127,11 @@ pub enum VehicleMessage {
         /// Its calibration, raw.
         calibration: u8,
     },
-    /// A text for people: shown, never parsed.
+    /// A text for the operator. It is shown, but not parsed.
     Text {
         /// How serious it is.
         severity: Severity,
-        /// What it says.
+        /// The text.
         text: Text,
     },
 }
