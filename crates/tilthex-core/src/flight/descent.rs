@@ -82,6 +82,7 @@ impl Flight {
                 .then(|| output.wrench_robot.force - bias_w),
             sinks: self.guidance.sinks(self.supervisor.phase(), self.descent()),
             velocity: robot.velocity_w.z,
+            speed: robot.velocity_w.norm(),
             upright: robot.rotation_wr[(2, 2)],
             above: height.map(|height| height - GROUND - 3.0 * deviation),
             toppled: self.supervisor.active().contains(Fault::Tilt),

@@ -61,7 +61,10 @@ impl Forced {
             0.0
         };
         self.carried = (self.carried + rate * dt).max(LOADS.1).min(1.0);
-        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || seen.velocity.abs() < STILL.0);
+        // What moves sideways without thrust is carried by a push, not by something that it lies on.
+        let carried_away = placed && seen.speed > fast;
+        let lies = !carried_away && seen.velocity.abs() < STILL.0;
+        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || lies);
         self.unloaded = if still { self.unloaded + dt } else { 0.0 };
         (self.carried, self.unloaded > REST)
     }

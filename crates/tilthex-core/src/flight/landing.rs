@@ -50,6 +50,8 @@ pub(super) struct Seen {
     pub(super) sinks: Option<f64>,
     /// Speed upwards, m/s. If no speed is known, its changes are still right.
     pub(super) velocity: f64,
+    /// Speed in any direction, m/s.
+    pub(super) speed: f64,
     /// Cosine of the tilt.
     pub(super) upright: f64,
     /// Smallest possible height above the place of the take-off, m: the estimate minus three deviations.
@@ -222,6 +224,7 @@ mod tests {
         observed_w: Some(Vector3::new(0.0, 0.0, 0.0)),
         sinks: Some(0.25),
         velocity: -0.25,
+        speed: 0.25,
         upright: 1.0,
         above: None,
         toppled: false,
@@ -322,6 +325,12 @@ mod tests {
         assert!(matches!(verdict, Verdict::On([_, most]) if most < 0.1 * WEIGHT), "{verdict:?}");
         let falls = |_, _| Seen { forced: true, velocity: -0.7, above: Some(1.0), ..AIR };
         assert!(matches!(run(falls).0, Verdict::On([_, most]) if most > 0.9 * WEIGHT));
+    }
+
+    #[test]
+    fn what_is_carried_away_does_not_lie() {
+        let held = Seen { forced: true, velocity: 0.0, above: Some(1.0), ..AIR };
+        assert_ne!(run(|_, _| Seen { speed: 1.5, ..held }).0, Verdict::Down);
     }
 
     #[test]
