@@ -162,11 +162,14 @@ impl Landing {
     fn blocked(&mut self, seen: &Seen, weight: f64, elsewhere: bool, dt: f64) -> bool {
         let feels = seen.observed_w.is_some_and(|force| force.z > SHARE * weight);
         self.felt = (self.felt + if feels { dt } else { -dt }).max(0.0);
-        let Some(sinks) = seen.sinks else { return self.felt > FELT.0 };
+        let lasts = self.felt > FELT.0;
+        let Some(sinks) = seen.sinks else { return lasts };
         let carried = feels || seen.missing > SHARE * weight;
         let stopped = sinks > 0.0 && seen.velocity > -FOLLOWS * sinks && seen.velocity < STILL.0;
         self.still = if carried && stopped { self.still + dt } else { 0.0 };
-        self.still > if elsewhere { BLOCKED.1 } else { BLOCKED.0 }
+        // A vehicle that bounces on the ground, on its tool for example, is not still.
+        let bounces = lasts && seen.above.is_some_and(|above| above <= 0.0);
+        bounces || self.still > if elsewhere { BLOCKED.1 } else { BLOCKED.0 }
     }
 
     /// Whether a vehicle that is not upright, or cannot be kept upright, lies on the ground. It cannot be unloaded to
