@@ -8,11 +8,9 @@ use super::{
     inertial::InertialStream,
     motors::Motors,
     rates::Rate,
+    streams::Streams,
     throttle::Throttles,
-    topics::{
-        ARMED, ActuatorMotors, BatteryStatus, MOTORS, OFFBOARD, OffboardControlMode, SensorCombined, Topic,
-        TopicMessage, VehicleCommand, VehicleStatus,
-    },
+    topics::{ActuatorMotors, MOTORS, OffboardControlMode, Topic, VehicleCommand},
 };
 use crate::{
     Awaited, FrameLengths, GateCounters, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink,
@@ -20,7 +18,6 @@ use crate::{
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
-    supervisor::limits::STREAM_SILENT,
     types::{MAX_ROTORS, RotorVector},
 };
 
@@ -52,52 +49,6 @@ enum Told {
 }
 
 /// What the streams have delivered.
-#[derive(Clone, Debug)]
-struct Streams {
-    inertial: InertialStream,
-    motors: Motors,
-    inertial_rate: Rate,
-    motor_rate: Rate,
-    telemetry: Telemetry,
-    status: Option<VehicleStatus>,
-    unreadable: Option<Topic>,
-}
-
-impl Streams {
-    fn take(&mut self, topic: Topic, data: &[u8], now: f64) {
-        let understood = match topic {
-            Topic::SensorCombined => SensorCombined::read(data).map(|sample| {
-                self.inertial_rate.count();
-                self.inertial.take(&sample, now, &mut self.telemetry.inertial);
-            }),
-            Topic::EscStatus => EscStatus::read(data).map(|status| {
-                self.motor_rate.count();
-                self.motors.take(&status, now, &mut self.telemetry);
-            }),
-            Topic::BatteryStatus => BatteryStatus::read(data).map(|battery| {
-                if battery.connected && battery.voltage.is_finite() && battery.voltage > 0.0 {
-                    self.telemetry.battery = Some(f64::from(battery.voltage));
-                }
-            }),
-            Topic::VehicleStatus => VehicleStatus::read(data).map(|status| self.status = Some(status)),
-            Topic::ActuatorMotors | Topic::OffboardControlMode | Topic::VehicleCommand => Some(()),
-        };
-        self.unreadable = if understood.is_none() { Some(topic) } else { self.unreadable };
-    }
-
-    fn armed(&self) -> bool {
-        self.status.is_some_and(|status| status.arming == ARMED)
-    }
-
-    fn offboard(&self) -> bool {
-        self.status.is_some_and(|status| status.mode == OFFBOARD)
-    }
-
-    fn silent(&self, now: f64) -> bool {
-        self.telemetry.inertial.age(now) > STREAM_SILENT || self.telemetry.motor_age(now) > STREAM_SILENT
-    }
-}
-
 /// The host's end of the link.
 #[derive(Clone, Debug)]
 pub struct Host {

@@ -17,6 +17,7 @@ mod inertial;
 mod message;
 mod motors;
 mod rates;
+mod streams;
 mod submessages;
 mod throttle;
 mod topics;
