@@ -7,6 +7,9 @@ use std::fmt::Debug;
 use tilthex_core::flight::MotorCommand;
 use tilthex_link::{Link, LinkKind, LinkParams, MAX_BYTES_IN, Outgoing, VehicleLink, px4::*};
 
+/// The byte that begins an escape sequence.
+const ESCAPE: u8 = 0x7d;
+
 fn framed(message: &[u8]) -> Vec<u8> {
     let mut out = vec![0; 2 * message.len() + 13];
     let length = encode(CLIENT, AGENT, message, &mut out);
@@ -105,6 +108,8 @@ proptest! {
     ) {
         let mut line = framed(&message);
         let index = place.index(line.len());
+        // If an escape appears or disappears, the bytes behind it shift. One in 65536 such changes passes 16 bits of checksum.
+        prop_assume!(line[index] != ESCAPE && line[index] ^ with != ESCAPE);
         line[index] ^= with;
         // A longer length may take in the frames behind it; a start of a frame ends it.
         line.extend(framed(b"next"));
