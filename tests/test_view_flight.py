@@ -111,7 +111,7 @@ def test_orders_without_a_browser(served, tmp_path):
         # What is no number is refused here, what cannot be now by the flight; neither ends the connection.
         page.pilot.order("wrench", lambda flight: flight.set_wrench([np.nan, 0.0, 0.0]))
         page.pilot.order("follow", lambda flight: flight.follow([0.0, 0.0, 1.0], np.eye(3)))
-        until(lambda: {"wrench is no order", "follow is refused"} <= set(told))
+        until(lambda: {"wrench is not a valid order", "follow is refused"} <= set(told))
         # Far more than the most, which a hand holds until it lets go.
         page.hand.pull(np.array([0.0, 60.0, -80.0]))
         time.sleep(1.0)
