@@ -12,6 +12,18 @@ settings.register_profile("deep", max_examples=2000, **common)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fast"))
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_makereport(item, call):
+    """The failure of a test in real time has what its programs printed, so that it names their faults.
+
+    The Makefile flies a test again only if its failure names a fault that a stall of the machine causes.
+    """
+    failure = call.excinfo and call.excinfo.value
+    if call.when == "call" and item.get_closest_marker("real_time") and isinstance(failure, AssertionError):
+        printed = "".join(text for when, _, text in item._report_sections if when == "call")
+        failure.args = (f"{failure}\n{printed}",)
+
+
 @pytest.fixture(scope="session")
 def flight(tmp_path_factory):
     """The log of a flight of some seconds: the bytes of its file. It is flown in real time."""

@@ -42,27 +42,21 @@ def run(*arguments, name="tilthex-rt", **options):
 
 @contextlib.contextmanager
 def running(*command, stderr=subprocess.PIPE, **options):
-    """A process, which is killed at the end. The failure of a test has what the process printed."""
+    """A process, which is killed at the end. What it printed is shown if the test fails."""
     process = subprocess.Popen(
         list(map(str, command)), stdout=subprocess.PIPE, stderr=stderr, text=True, **options
     )
-
-    def printed(patience):
-        try:
-            return "".join(filter(None, process.communicate(timeout=patience)))
-        except subprocess.TimeoutExpired:
-            process.kill()
-            return printed(None)
-
     try:
         yield process
-    except Exception as failure:
+    except Exception:
         # A flight that has time to land names the fault that ended it.
         process.send_signal(signal.SIGINT)
-        raise AssertionError(f"{failure}\n{Path(command[0]).name} printed:\n{printed(30)}") from failure
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.communicate(timeout=30)
+        raise
     finally:
         process.kill()
-        printed(None)
+        print(*filter(None, process.communicate()), sep="")
 
 
 def started(*arguments, name="tilthex-rt", **options):
