@@ -30,13 +30,17 @@ impl CaptureClock {
         self.jumped
     }
 
-    /// The pose with its capture time, in the order of arrival. Before the take-off all times are believed.
+    /// The pose with its capture time, in the order of arrival. Before the take-off all times are believed. The time of a pose
+    /// that is not tracked says nothing.
     pub(super) fn timed(&mut self, pose: &PoseSample, in_flight: bool) -> PoseSample {
         let claimed = pose.arrival - pose.time;
-        if !pose.is_finite() {
+        if !pose.is_finite() || !pose.tracking_valid {
             return *pose;
         }
-        let usual = *self.delay.get_or_insert(claimed);
+        // On the ground another delay is the usual one from then on.
+        let known = self.delay.filter(|delay| in_flight || (claimed - delay).abs() <= CAPTURE_CLOCK);
+        let usual = known.unwrap_or(claimed);
+        self.delay = Some(usual);
         let off = claimed - usual;
         if !in_flight || off.abs() <= CAPTURE_CLOCK {
             let before = if in_flight { self.latest } else { f64::NEG_INFINITY };
@@ -94,6 +98,19 @@ mod tests {
             let time = begin + 2.0;
             clock.timed(&pose(time, time + DELAY), true);
             prop_assert!(!clock.jumped(), "the clock is right again");
+        }
+
+        #[test]
+        fn times_on_the_ground_and_of_lost_bodies_do_not_count(wrong in -1e6f64..1e6) {
+            let (mut clock, begin) = flown();
+            clock.timed(&PoseSample { tracking_valid: false, ..pose(wrong, begin) }, true);
+            prop_assert!(!clock.jumped());
+            clock.timed(&pose(wrong, begin), false);
+            clock.timed(&pose(begin, begin + DELAY), false);
+            for k in 1..50 {
+                let time = begin + 0.01 * f64::from(k);
+                prop_assert!(clock.timed(&pose(time, time + DELAY), true).time == time && !clock.jumped());
+            }
         }
 
         #[test]
