@@ -198,8 +198,7 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
-    good = np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
-    recording = recording.select(np.flatnonzero(good))
+    recording = recording.tracked()
     config = config.replace(estimator={"gate_probability": 1.0})
     counts = recording.pose_time > recording.pose_time[0] + settle
     start = _aligned_by_rate(recording, config)
@@ -307,11 +306,12 @@ def _estimate(arguments: argparse.Namespace) -> None:
 
 def _calibrate(arguments: argparse.Namespace) -> None:
     given = _config(arguments)
-    recording = _recording(arguments, given)
+    recording = _recording(arguments, given).tracked()
     found = calibrate(recording, given)
+    print(found)
     placed = found.config(given)
     noises = find_noises(recording, placed)
-    print(f"{found}\n{noises}\n")
+    print(f"{noises}\n")
     print("errors at every second pose, if the filter does not get it:")
     fed = np.arange(len(recording.pose_time)) % 2 == 0
     for name, config in (

@@ -86,8 +86,7 @@ def find_noises(recording: Recording, config: _core.Config, *, settle: float = 1
     Raises:
         ValueError: The recording has too few poses.
     """
-    good = np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
-    recording = recording.select(np.flatnonzero(good))
+    recording = recording.tracked()
     time = recording.pose_time
     if len(time) < FEWEST:
         raise ValueError(f"the recording has {len(time)} poses; expected {FEWEST} or more to find noises")
@@ -95,7 +94,8 @@ def find_noises(recording: Recording, config: _core.Config, *, settle: float = 1
     keys = tomllib.loads(config.to_toml())["estimator"]
     counts = time > time[0] + settle
     search = _Search(recording, config)
-    best = search.most_likely(counts, np.log([float(keys[key]) for key in BOUNDS]), COARSE)
+    configured = np.log([np.clip(float(keys[key]), *bounds) for key, bounds in BOUNDS.items()])
+    best = search.most_likely(counts, configured, COARSE)
     later = time >= 0.5 * (time[0] + time[-1])
     first, second = (search.most_likely(half, best, FINE) for half in (counts & ~later, counts & later))
     deviation = np.maximum(search.deviation(counts, best), np.abs(first - second) / 2)

@@ -63,6 +63,11 @@ class Recording:
             raise ValueError(f"{path} holds {found}; expected at least 2 of each")
         return recording
 
+    def tracked(self) -> Recording:
+        """The recording without poses that are not numbers."""
+        numbers = np.isfinite(self.position).all(axis=1) & np.isfinite(self.rotation).all(axis=(1, 2))
+        return self.select(np.flatnonzero(numbers))
+
     def select(self, poses: NDArray[Any]) -> Recording:
         """A recording with some of the poses only."""
         return Recording(
