@@ -4,7 +4,7 @@
 
 Flies drawn vehicles in wind with gusts. The tool of each is touched six times, for 2 s each, with 0.3 to
 3 N from a random direction. Prints for each truth level which part of the touching time is recognised if
-at most 1 % or 5 % of the time without a touch is taken for a touch (from 0.2 s after the begin of a
+at most 1 % or 5 % of the time without a touch is taken for a touch (from 0.2 s after the start of a
 touch), and the area under this curve. Without discrimination a touch is an observed force above a
 threshold; with discrimination it is a likelihood above a threshold. Then prints how far the wind alone
 moves the tool, and how far the largest touch moves it.
@@ -34,7 +34,7 @@ AIR: dict[str, object] = {
 TOUCHES, LASTS, GAP, FIRST = 6, 2.0, 4.0, 14.0
 DURATION = FIRST + TOUCHES * (LASTS + GAP)
 ONSET, AFTER = 0.2, 1.0
-"""Times after the begin and after the end of a touch that have no label, s: the estimate needs time."""
+"""Times after the start and after the end of a touch that have no label, s: the estimate needs time."""
 
 
 def touches(seed: int) -> list[dict[str, Any]]:

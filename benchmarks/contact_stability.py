@@ -25,9 +25,9 @@ WITHIN = 0.3
 PRESSED = 2.0
 """Force on the surface, N: above the dead zone."""
 TAP, TAPPED = 3.0, 0.02
-"""Begin and duration, s, of a tap on the tool with a tenth of that force."""
+"""Start and duration, s, of a tap on the tool with a tenth of that force."""
 WINDOWS = (0.1, 1.3, 3.0, 4.2)
-"""Begin and end of the two intervals, s since the tap, in which the motion is compared."""
+"""Start and end of the two intervals, s since the tap, in which the motion is compared."""
 LARGEST = 30.0
 """Only an unstable contact reaches this force, N."""
 

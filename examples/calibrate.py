@@ -10,8 +10,8 @@
 # # Calibrate
 #
 # The model of a vehicle comes from drawings, and is a little wrong: its mass, its thrust, its centre of
-# mass. Then the observer reports a wrench although nothing touches the vehicle. A flight of 25 s, the
-# calibration, learns the model: a level hover and three tilted ones. [truth.md](../docs/truth.md) has the
+# mass. Then the observer reports a wrench although nothing touches the vehicle. A flight of half a minute,
+# the calibration, learns the model: a level hover and three tilted ones. [truth.md](../docs/truth.md) has the
 # method.
 #
 # (`tilthex calibrate` is another thing: it finds where on the robot the captured body is, and the latency

@@ -25,7 +25,7 @@ FLIGHTS = range(100, 130)
 # %% [markdown]
 # ## Two levels of truth
 #
-# *measured* is a vehicle whose parameters were measured, *cad* one that is built from drawings; see
+# *measured* is a vehicle whose parameters were measured, *cad* one whose parameters come from drawings; see
 # [truth.md](../docs/truth.md). The result has one row for each flight.
 
 # %%

@@ -52,7 +52,7 @@ plt.show()
 # %% [markdown]
 # ## Softer and stiffer
 #
-# The first three stiffnesses are N/m along the axes of the tool, the others N m/rad about them. The dead
+# The first three stiffnesses are N/m along the axes of the world, the others N m/rad about them. The dead
 # zone subtracts 0.2 N from the force, so the tool moves by (1.4 - 0.2)/K.
 
 # %%

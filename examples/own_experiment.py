@@ -100,5 +100,5 @@ for run, record in flights:
 print(text_table(rows))
 
 # %% [markdown]
-# The command writes a report with all figures: `tilthex experiment press.toml --out out`. See
+# The command writes a report with all pictures: `tilthex experiment press.toml --out out`. See
 # [experiment.md](../docs/howto/experiment.md) and [experiments.md](../docs/experiments.md).

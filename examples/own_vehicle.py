@@ -52,7 +52,7 @@ except ValueError as error:
 # %% [markdown]
 # ## What it can do
 #
-# The wrenches that the rotors can produce within their limits are a polytope. Of it follow the lateral
+# The wrenches that the rotors can produce within their limits are a polytope. It gives the lateral
 # force in a level hover and the payload.
 
 # %%

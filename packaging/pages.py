@@ -31,7 +31,7 @@ SETTINGS = ROOT / "zensical.toml"
 EXECUTED = ROOT / "out" / "executed"
 VIDEOS = ROOT / "out" / "gallery"
 NOTEBOOK = "# ---\n# jupyter:"
-"""The begin of a notebook that is stored as a Python script."""
+"""The start of a notebook that is stored as a Python script."""
 ALLOWED = 300
 """A cell that runs longer ends the build, s."""
 LANGUAGES = {

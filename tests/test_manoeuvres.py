@@ -65,3 +65,7 @@ def test_the_design_command(tmp_path, capsys):
     assert main(["design", "--sweep", "mas=2:3:3", "--out", str(tmp_path)]) == 2
     assert "nearest known one is `mass`" in capsys.readouterr().err
     assert main(["design", "--sweep", "mass", "--out", str(tmp_path)]) == 2
+    capsys.readouterr()
+    both = ["--sweep", "mass=2:3:3", "--sweep", "tilted_hexarotor.beta_deg=0:0:1"]
+    assert main(["design", *both, "--out", str(tmp_path)]) == 2
+    assert "beta_deg has one value; expected 2 or more" in capsys.readouterr().err

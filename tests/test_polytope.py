@@ -1,6 +1,7 @@
 """The attainable wrenches against Monte Carlo, linear programs and the allocator."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -154,6 +155,24 @@ def test_static_hover_after_the_loss_of_each_rotor(name):
             assert np.linalg.norm(wrench[:3]) == pytest.approx(weight, rel=1e-6)
         survives = name in ("omnidirectional-octorotor", "coaxial-tilt-hex")
         assert (found is not None) == survives
+
+
+def test_the_page_has_the_values_of_the_vehicles():
+    page = (Path(__file__).parent.parent / "docs" / "allocation.md").read_text(encoding="utf-8")
+    for name in PRESETS:
+        vehicle = tilthex.Vehicle.preset(name)
+        row = next(line for line in page.splitlines() if line.startswith(f"| {name} |"))
+        cells = [cell.strip() for cell in row.split("|")[2:8]]
+        assert cells[:2] == [str(vehicle.rotor_count), str(np.linalg.matrix_rank(vehicle.allocation))]
+        found = [
+            polytope.lateral_reach(vehicle),
+            polytope.payload(vehicle),
+            polytope.push(vehicle, np.array([1.0, 0.0, 0.0])),
+            polytope.push(vehicle, np.array([0.0, 0.0, 1.0])),
+        ]
+        for cell, value in zip(cells[2:], found, strict=True):
+            digits = len(cell.partition(".")[2])
+            assert float(cell) == pytest.approx(value, abs=0.51 * 10**-digits), f"{name}: {cell}, {value}"
 
 
 def test_what_is_wrong_is_said():

@@ -110,7 +110,7 @@ class Log:
 
 
 class Fields:
-    """The fields of a record, from its begin."""
+    """The fields of a record, from its start."""
 
     def __init__(self, data: memoryview) -> None:
         self.data, self.at = data, 0

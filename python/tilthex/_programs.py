@@ -16,7 +16,5 @@ def program(name: str) -> str:
     beside = Path(sys.executable).parent / name
     found = str(beside) if beside.exists() else shutil.which(name)
     if found is None:
-        raise OSError(
-            f"{name} is neither in {beside.parent} nor on the path; pip install tilthex puts it there"
-        )
+        raise OSError(f"{name} is neither in {beside.parent} nor on the path; install tilthex with pip")
     return found

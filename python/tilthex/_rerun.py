@@ -51,7 +51,7 @@ def write(log: Log, out: Path) -> None:
 
 
 class Columns:
-    """The flight's columns on two time lines: `log_time`, and `flight` from the begin of the flight."""
+    """The flight's columns on two time lines: `log_time`, and `flight` from the start of the flight."""
 
     def __init__(self, rr: Any, stream: Any, flown: Flown) -> None:
         self._rr, self._stream, self._flown = rr, stream, flown

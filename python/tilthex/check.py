@@ -65,13 +65,19 @@ def add_parser(subparsers: Any) -> None:
         "apparent mass below which contact is unstable, and the largest force of the tool.",
     )
     parser.add_argument("config", help="a TOML file, or a preset for its default configuration")
-    parser.add_argument("--truth", default="measured", help="level or file that vehicles are drawn from")
-    parser.add_argument("--draws", type=int, default=20, help="number of vehicles; 0 for none")
+    parser.add_argument(
+        "--truth",
+        default="measured",
+        help="how the drawn vehicles differ from the model: a level or a TOML file (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--draws", type=int, default=20, help="number of drawn vehicles (default: %(default)s)"
+    )
     parser.add_argument(
         "--stiffness",
         type=float,
         default=STIFFNESS,
-        help="stiffness of the touched body, N/m, for the apparent mass",
+        help=f"stiffness of the touched body, N/m, for the apparent mass (default: {STIFFNESS:g})",
     )
     parser.add_argument(
         "--damping-time",
@@ -79,7 +85,7 @@ def add_parser(subparsers: Any) -> None:
         default=DAMPING_TIME,
         help=f"damping of the touched body divided by its stiffness, s (default: {DAMPING_TIME:g})",
     )
-    parser.add_argument("--plot", type=Path, help="a file for the loops' frequency response")
+    parser.add_argument("--plot", type=Path, help="draw the frequency response of the loops into this file")
     parser.set_defaults(run=run)
 
 

@@ -171,7 +171,7 @@ class Flight:
         Args:
             waypoints: A dict for each way-point with `position` (3,). Optional keys: `rotation` (3, 3)
                 (or `quaternion_xyzw`, or `yaw_pitch_roll_deg`), `force` and `torque` (3,) that the tool
-                shall exert, `duration` and `hold`, s.
+                must exert, `duration` and `hold`, s.
             limits: `velocity`, `acceleration`, `angular_velocity`, `angular_acceleration`, SI.
         """
         self._order("play", waypoint=[_plain(way) for way in waypoints], limits=limits)
@@ -221,7 +221,7 @@ class Flight:
         force_axes: Sequence[str] = (),
         surface: ArrayLike | None = None,
     ) -> None:
-        """Sets the wrench, N and N m, that the tool shall exert on the environment (world, at the tool).
+        """Sets the wrench, N and N m, that the tool must exert on the environment (world, at the tool).
 
         Args:
             force: Force, (3,), N.

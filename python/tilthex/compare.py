@@ -42,7 +42,7 @@ class Wrenches:
 class Comparison:
     """Both wrenches on one clock, after a low-pass.
 
-    `time`, s since the begin of the flight's log, (n,); wrenches (n, 6).
+    `time`, s since the start of the flight's log, (n,); wrenches (n, 6).
 
     `offset`, s, was added to the sensor's times; `correlation`, -1 to 1, is that of the two signals.
     """
@@ -186,7 +186,7 @@ def compare(
         sensor: The readings of the sensor, about its origin, in its axes.
         mounting: The mounting of the sensor.
         offset: Time that is added to the sensor's times, s; None finds it.
-        tare: A time without contact, s since the begin of `flight`. The sensor's mean there is its zero.
+        tare: A time without contact, s since the start of `flight`. The sensor's mean there is its zero.
 
     Raises:
         ValueError: The two signals have no contact in common.
@@ -334,7 +334,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--out",
         type=Path,
-        help="begin of the names of the pictures: OUT-norms.png, OUT-components.png (default: LOG)",
+        help="start of the names of the pictures: OUT-norms.png, OUT-components.png (default: LOG)",
     )
     parser.set_defaults(run=_run)
 

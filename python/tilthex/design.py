@@ -1,4 +1,4 @@
-"""`tilthex design`: how the figures of a vehicle change with keys of its file.
+"""`tilthex design`: what a vehicle can do, over ranges of the keys of its file.
 
 Sweeps one or two keys of the vehicle file. For each point it reports how well the rotors reach the six
 directions of the wrench, what hovering costs, how much lateral force is left, and what a moderate lateral
@@ -122,7 +122,7 @@ def add_parser(subparsers: Any) -> None:
     """Registers the command with the parsers of `tilthex`."""
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "design",
-        help="sweep keys of a vehicle file",
+        help="plot what a vehicle can do over ranges of its keys",
         description="Sweeps one or two keys of a vehicle file and plots conditioning, hover efficiency, "
         "lateral reach and payload.",
     )
@@ -149,6 +149,9 @@ def run(arguments: argparse.Namespace) -> None:
     axes = dict(_axis(text) for text in axes_texts)
     if len(axes) > 2:
         raise ValueError(f"{len(axes)} keys to sweep; expected one or two")
+    for key, values in axes.items():
+        if len(axes) == 2 and len(values) < 2:
+            raise ValueError(f"--sweep {key} has one value; expected 2 or more of each key, or one key alone")
     name = arguments.vehicle
     base = {"preset": name} if name in Vehicle.presets() else {"file": str(Path(name).resolve())}
     found = sweep(base, axes)

@@ -336,8 +336,14 @@ def _config(arguments: argparse.Namespace) -> _core.Config:
 def add_parser(commands: Any) -> None:
     """Adds `estimate` and `calibrate` to the `tilthex` command."""
     estimate = commands.add_parser("estimate", help="run the state estimator over a recording")
-    estimate.add_argument("--every", type=int, default=1, metavar="N", help="feed every N-th pose only")
-    estimate.add_argument("--plot", type=Path, metavar="FILE.png", help="write a figure of the innovations")
+    estimate.add_argument(
+        "--every",
+        type=int,
+        default=1,
+        metavar="N",
+        help="give the filter every Nth pose only, and print the errors at the others",
+    )
+    estimate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the innovations")
     estimate.add_argument("--out", type=Path, metavar="FILE.csv", help="write the states")
     estimate.set_defaults(run=_estimate)
     calibration = commands.add_parser(

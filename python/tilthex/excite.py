@@ -49,8 +49,8 @@ def waypoints(
 
     Args:
         vehicle: The vehicle that flies.
-        position: Position of the tool at the begin, m, world, (3,).
-        heading: Heading at the begin, rad.
+        position: Position of the tool at the start, m, world, (3,).
+        heading: Heading at the start, rad.
         radius: Largest distance of the centre of mass from its first position along each axis, m.
         tilt: Largest tilt, rad; smaller if the rotors have no room for it (`largest_tilt`).
         repeat: How often the whole sequence is flown.
@@ -132,9 +132,9 @@ def add_parser(commands: Any) -> None:
         type=float,
         nargs=3,
         default=[0.0, 0.0, 1.0],
-        help="position of the tool at the begin, m (default: 0 0 1)",
+        help="position of the tool at the start, m (default: 0 0 1)",
     )
-    parser.add_argument("--heading-deg", type=float, default=0.0, help="heading at the begin (default: 0)")
+    parser.add_argument("--heading-deg", type=float, default=0.0, help="heading at the start (default: 0)")
     parser.add_argument(
         "--radius",
         type=float,

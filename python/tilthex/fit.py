@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AFTER = 0.5
-"""Time after the begin of free flight that is left out, s: the estimator still settles."""
+"""Time after the start of free flight that is left out, s: the estimator still settles."""
 CORRELATED = 0.95
-"""Above this correlation, two figures can only be determined together."""
+"""Above this correlation, two parameters can only be determined together."""
 
 
 def read(path: str | Path, begin: float | None = None, end: float | None = None) -> Flight:
@@ -60,7 +60,7 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
 
 
 def report(found: Identified) -> str:
-    """The figures, and what the flight did not determine."""
+    """The parameters, and what the flight did not determine."""
     lines = [
         f"{found.seconds:.1f} s of free flight; {found.left_out:.1f} s left out, which differ from the rest",
         f"not explained: {found.residual[0]:.3g} m/s^2 and {found.residual[1]:.3g} rad/s",
@@ -94,7 +94,7 @@ def figure(flights: list[Flight], found: Identified) -> Figure:
     measured = np.gradient(flight.angular_velocity, flight.time, axis=0)
     for k in range(6):
         pair = (flight.specific_force, force) if k < 3 else (_smooth(measured), _smooth(alpha))
-        for values, style, label in zip(pair, ("0.6", "tab:blue"), ("measured", "foretold"), strict=True):
+        for values, style, label in zip(pair, ("0.6", "tab:blue"), ("measured", "predicted"), strict=True):
             shown = (
                 np.where(flight.used, values[:, k % 3], np.nan)
                 if flight.used is not None

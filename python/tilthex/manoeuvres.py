@@ -236,7 +236,7 @@ def add_parser(subparsers: Any) -> None:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "manoeuvres",
         help="fly manoeuvres beyond the rotors' limits, with the allocator and with a clip",
-        description="Flies saturating manoeuvres with every vehicle, prints a table and plots each.",
+        description="Flies these manoeuvres with every vehicle, prints a table and plots each.",
     )
     parser.add_argument(
         "--vehicle", action="append", help="a preset or a TOML file, any number of times (default: all)"

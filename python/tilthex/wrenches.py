@@ -1,4 +1,4 @@
-"""An estimated and a measured wrench side by side: the paper's low-pass, and figures."""
+"""An estimated and a measured wrench side by side: the paper's low-pass, and pictures."""
 
 from __future__ import annotations
 

@@ -28,11 +28,16 @@ def add_parser(subparsers: Any) -> None:
     parser: argparse.ArgumentParser = subparsers.add_parser(
         "experiment",
         help="fly an experiment of the paper with the world simulated by MuJoCo",
-        description="Flies an experiment with the complete chain in the loop and writes a report.",
+        description="Flies an experiment with the complete controller in the loop and writes a report.",
     )
     parser.add_argument("name", help=f"{', '.join(_names())}, all, or a TOML file")
     parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
-    parser.add_argument("--state", choices=("ukf", "exact"), default="ukf", help="the source of the state")
+    parser.add_argument(
+        "--state",
+        choices=("ukf", "exact"),
+        default="ukf",
+        help="what the controller gets: the estimate of the filter, or the true state",
+    )
     parser.add_argument(
         "--wire",
         action="store_true",
@@ -58,7 +63,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--calibration",
         choices=("none", "tilts"),
-        help="the flight that first corrects the vehicle's model (default: the file's, or none)",
+        help="a first flight, which corrects the vehicle's model (default: the file's, or none)",
     )
     parser.add_argument(
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"

@@ -85,7 +85,7 @@ class Record:
         return np.isin(self.phase, wanted)
 
     def spans(self) -> list[tuple[str, float, float]]:
-        """Phases in order: name, begin and end, s."""
+        """Phases in order: name, start and end, s."""
         edges = np.flatnonzero(np.diff(self.phase)) + 1
         begins, ends = np.r_[0, edges], np.r_[edges, len(self.phase)] - 1
         names = [self.phases[int(self.phase[i])] for i in begins]

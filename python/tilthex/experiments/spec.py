@@ -107,7 +107,7 @@ class Run:
     push: Table
     """`force` (N, W) at the tool from `start` to `end` (s)."""
     learn_bias: tuple[float, float]
-    """Begin and end of the time in which the bias of the wrench is learnt, s; equal for never."""
+    """Start and end of the time in which the bias of the wrench is learnt, s; equal for never."""
     judge: Table
     """Numbers for the checks of this experiment."""
     random: Table

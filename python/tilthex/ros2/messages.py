@@ -121,7 +121,7 @@ class RosMessages:
         return self._wrench(time, row["tool_w.force"], row["tool_w.torque"])
 
     def commanded_wrench(self, time: int, row: Row) -> Any:
-        """Wrench that the tool shall exert, about its tip, world axes."""
+        """Wrench that the tool must exert, about its tip, world axes."""
         return self._wrench(time, row["wrench_w.force"], row["wrench_w.torque"])
 
     def joint_state(self, time: int, row: Row) -> Any:

@@ -54,7 +54,9 @@ def add_parser(commands: Any) -> None:
         metavar="FILE",
         help="file with the token (default: for an address of a network, a new token at each start)",
     )
-    parser.add_argument("--no-browser", action="store_true", help="print the page's address only")
+    parser.add_argument(
+        "--no-browser", action="store_true", help="print the address of the page, and do not open it"
+    )
     parser.set_defaults(run=_run)
 
 

@@ -34,7 +34,7 @@ class Sample:
     """One moment of a flight; frames and units as in docs/log.md."""
 
     time: float
-    """Time, s: on the host's monotonic clock, or since the begin of the log."""
+    """Time, s: on the host's monotonic clock, or since the start of the log."""
     robot: Pose
     """Pose of the robot (centre of mass)."""
     setpoint: Pose
@@ -87,7 +87,7 @@ class Flown:
 
     Attributes:
         config: The configuration of the flight.
-        times: (N,), s since the begin of the log.
+        times: (N,), s since the start of the log.
         stamps: The same times, ns since 1970.
     """
 
@@ -111,7 +111,7 @@ class Flown:
         }
 
     def at(self, time: float) -> Sample:
-        """The last sample not later than a time, s since the begin of the log; before it, the first one."""
+        """The last sample not later than a time, s since the start of the log; before it, the first one."""
         row = max(0, int(np.searchsorted(self.times, time + 1e-9, side="right")) - 1)
         return self.sample(row)
 
@@ -142,7 +142,7 @@ class Flown:
             yield self.sample(int(row))
 
     def events(self) -> list[tuple[float, str]]:
-        """Changes of the phase, and begins of faults: time, s since the begin of the log, and a sentence."""
+        """Changes of the phase, and starts of faults: time, s since the start of the log, and a sentence."""
         phases, found = self._columns["/flight"]["phase"], []
         for row in range(1, len(self.times)):
             time = float(self.times[row])
