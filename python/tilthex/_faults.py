@@ -128,7 +128,7 @@ FAULTS = (
         "pose lost for long",
         "refuse",
         "land",
-        "lands with IMU and model, and with poses if they return",
+        "lands with IMU and model, and with poses if they return; without poses the descent becomes faster by 0.5 m/s in a second, at most by 1.5 m/s",
     ),
     Fault(
         "pose lost for good",
@@ -350,7 +350,7 @@ FAULTS = (
         "capture late",
         "refuse",
         "land",
-        "up to 0.3 m above the ground its motors are stopped; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`",
+        "up to 0.3 m above the ground its motors are stopped; above it the delay that was found is subtracted from the times of the poses; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`",
     ),
     Fault(
         "capture clock",

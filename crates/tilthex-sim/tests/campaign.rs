@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use tilthex_config::Config;
+use tilthex_config::{Config, TruthSection};
 use tilthex_core::supervisor::{Fault, Reaction};
 use tilthex_link::LinkedFlight;
 use tilthex_sim::{
@@ -57,8 +57,8 @@ fn faults_are_seen_and_answered_as_the_table_says() {
     }
 }
 
-/// Flights of the campaign that failed: with poses of a clock that jumps, with motors that started again on the ground, and
-/// with the poses of another body after missing samples.
+/// Flights of the campaign that failed: with poses of a clock that jumps, with motors that started again on the ground, with
+/// the poses of another body after missing samples, with a wrong attitude on the ground, and with a wrong vertical speed.
 #[test]
 fn what_failed_once_is_mended() {
     let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
@@ -66,9 +66,32 @@ fn what_failed_once_is_mended() {
     let silence = fault(Kind::CommandsLost, 1.8774138265466533, 1.7121289415127916, 0.6809567021571429, 2);
     let late = fault(Kind::LineLate, 1.74, 0.16348389710778313, 0.5672472237816106, 12);
     let other = fault(Kind::CaptureOtherBody, 1.0, 2.0338712583723986, 0.45592490780023376, 16);
-    for (seed, faults) in [(973403, vec![clock]), (974797, vec![silence]), (975012, vec![late, other])] {
+    let saturated = fault(Kind::ImuSaturated, 1.4880252259392854, 0.8359211810164432, 0.4511280775971922, 5);
+    let default = fault(Kind::CaptureDefault, 1.867198968403799, 2.718878208183625, 0.9383029871001973, 29);
+    let another =
+        fault(Kind::CaptureOtherBody, 1.960270130591542, 1.3816752064462055, 0.7654194374305122, 14);
+    let step = fault(Kind::AccelerometerBias, 2.134336106888703, 1.2305387291654717, 0.8201846049629365, 35);
+    for (seed, faults) in [
+        (973403, vec![clock]),
+        (974797, vec![silence]),
+        (975012, vec![late, other]),
+        (1106573, vec![saturated, default]),
+        (1107846, vec![another, step]),
+    ] {
         let outcome = campaign::fly(hovering(), faults, seed);
         assert_eq!(outcome.failure, None, "{outcome:?}");
+    }
+}
+
+/// A latency that is found in the first hover is subtracted: the vehicle lands and needs no emergency.
+#[test]
+fn poses_that_were_found_late_land_the_vehicle() {
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let exact = TruthSection::named("exact").expect("a level");
+    for seed in [1300011, 1300020, 1300030] {
+        let (outcome, _) = campaign::again(&config, &exact, &[Kind::CaptureLatency], seed).expect("it flies");
+        assert!(outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
+        assert!(outcome.failure.is_none() && outcome.reaction <= Reaction::Land, "{outcome:?}");
     }
 }
 

@@ -11,7 +11,7 @@ use crate::{
     so3,
     supervisor::{
         Fault, Phase,
-        limits::{LINE_LATE, VELOCITY_DEVIATION},
+        limits::{LINE_LATE, POSE_LOST_LONG, UNSEEN_DESCENT, VELOCITY_DEVIATION},
     },
     types::{RobotState, RotorVector},
 };
@@ -108,17 +108,21 @@ impl Flight {
         }
     }
 
-    /// The kind of descent of an emergency now.
+    /// The kind of descent now.
     pub(super) fn descent(&self) -> Descent {
+        let health = self.estimator.health();
         // A NaN counts as unknown.
-        let known = self.known.is_some() || self.estimator.health().velocity_deviation <= VELOCITY_DEVIATION;
-        if self.supervisor.active().contains(Fault::LandingFails) {
-            return Descent::Forced;
-        }
-        match (known, self.adrift) {
-            (false, _) => Descent::Blind,
-            (true, true) => Descent::Adrift,
-            (true, false) => Descent::Steady,
+        let known = self.known.is_some() || health.velocity_deviation <= VELOCITY_DEVIATION;
+        let forced = self.supervisor.active().contains(Fault::LandingFails);
+        match (known && !self.hopeless(), forced, self.adrift) {
+            (true, true, _) => Descent::Forced,
+            (false, ..) => Descent::Blind,
+            (true, false, true) => Descent::Adrift,
+            (true, false, false) => {
+                let unseen = if self.known.is_some() { 0.0 } else { health.position_age - POSE_LOST_LONG };
+                let (rate, most) = UNSEEN_DESCENT;
+                Descent::Steady((rate * unseen).max(0.0).min(most))
+            }
         }
     }
 

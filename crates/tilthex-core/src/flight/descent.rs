@@ -73,8 +73,7 @@ impl Flight {
         let thrust_w = robot.rotation_wr * self.params.vehicle.body_wrench(rotor_speeds).force;
         let weight = self.params.vehicle.weight();
         let deviation = if self.known.is_some() { 0.0 } else { self.estimator.health().position_deviation };
-        let age = if self.known.is_some() { 0.0 } else { self.estimator.health().position_age };
-        let placed = deviation < POSITION_DEVIATION && age < POSE_LOST_LONG && !self.capture.lies();
+        let placed = self.placed();
         let height = self.bounds.height(&robot.position_w).filter(|_| placed);
         let seen = landing::Seen {
             missing: weight - (thrust_w + bias_w).z,
@@ -88,7 +87,8 @@ impl Flight {
             toppled: self.supervisor.active().contains(Fault::Tilt),
             adrift: self.adrift,
             forced: self.supervisor.active().contains(Fault::LandingFails),
-            hopeless: !placed && robot.velocity_w.norm() > HOPELESS * self.params.watch.max_speed,
+            placed,
+            hopeless: self.hopeless(),
             room: self.params.watch.geofence_height,
         };
         match self.landing.step(&seen, weight, dt) {
@@ -102,6 +102,18 @@ impl Flight {
             }
         }
         false
+    }
+
+    /// Whether poses show where the vehicle is.
+    fn placed(&self) -> bool {
+        let health = self.estimator.health();
+        let placed = health.position_deviation < POSITION_DEVIATION && health.position_age < POSE_LOST_LONG;
+        self.known.is_some() || placed && !self.capture.lies()
+    }
+
+    /// Whether the estimate is unusable: no vehicle in a room can move like this.
+    pub(super) fn hopeless(&self) -> bool {
+        !self.placed() && self.robot_state().velocity_w.norm() > HOPELESS * self.params.watch.max_speed
     }
 
     /// The box in which the vehicle stays.

@@ -1,6 +1,10 @@
 //! The descent of a vehicle that must come down at any cost: its rotors carry less and less of the weight while it does not sink.
 
-use super::landing::{LOADS, STILL, Seen};
+use super::{
+    guidance::BLIND_ACCELERATION,
+    landing::{LOADS, STILL, Seen},
+};
+use crate::GRAVITY;
 
 /// What is carried falls by this part of the weight a second where the vehicle does not sink
 /// faster than this much, m/s, and rises again where it sinks faster than this much.
@@ -30,8 +34,11 @@ pub(super) struct Forced {
 }
 
 impl Forced {
-    /// The rotors carry the whole weight.
-    pub(super) const BEGIN: Self = Self { carried: 1.0, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 };
+    /// The rotors carry the whole weight, or what carries a vehicle whose speed is not known.
+    pub(super) fn begin(seen: &Seen) -> Self {
+        let carried = if seen.sinks.is_some() { 1.0 } else { 1.0 - BLIND_ACCELERATION / GRAVITY };
+        Self { carried, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 }
+    }
 
     /// One tick: returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
     /// something.
@@ -49,11 +56,11 @@ impl Forced {
             (self.sunk, self.doubted) = (0.0, DOUBTED);
         }
         let (slow, fast) = SPEEDS;
-        let rate = if seen.hopeless {
-            -RATE
-        } else if stands || seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow {
+        let down = seen.above.is_some_and(|above| above <= 0.0) && -seen.velocity < slow;
+        let unknown = seen.hopeless || seen.sinks.is_none() || self.doubted > 0.0;
+        let rate = if stands || down {
             FASTER * -RATE
-        } else if -seen.velocity < slow || self.doubted > 0.0 {
+        } else if unknown || -seen.velocity < slow {
             -RATE
         } else if -seen.velocity > fast {
             FASTER * RATE

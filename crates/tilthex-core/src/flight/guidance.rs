@@ -41,13 +41,13 @@ pub struct GuidanceParams {
 const SLOW_DOWN: f64 = 0.5;
 /// Downward acceleration if no speed is known, m/s^2. It must end a possible climb; from a height of 1 m it gives 1.7
 /// m/s.
-const BLIND_ACCELERATION: f64 = 1.5;
+pub(super) const BLIND_ACCELERATION: f64 = 1.5;
 
 /// The kind of descent in an emergency.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Descent {
-    /// At the speed of a landing.
-    Steady,
+    /// At the speed of a landing, and this much faster, m/s.
+    Steady(f64),
     /// Faster: a rotor that a hover needs is lost.
     Adrift,
     /// With a little less thrust than the weight, because no speed is known.
@@ -140,7 +140,7 @@ impl Guidance {
             (Phase::Emergency, Descent::Blind) => None,
             (Phase::Emergency, Descent::Adrift) => Some(ADRIFT_SPEED),
             (Phase::Emergency, Descent::Forced) => Some(FORCED_SPEED),
-            (Phase::Emergency, Descent::Steady) => Some(self.params.landing_speed),
+            (Phase::Emergency, Descent::Steady(faster)) => Some(self.params.landing_speed + faster),
             _ => Some(self.sink.speed),
         }
     }
@@ -272,7 +272,7 @@ impl Guidance {
         self.hover_time = self.params.bias_time;
     }
 
-    /// The set-point of this tick; an emergency goes down by `descent`.
+    /// The set-point of this tick; `descent` is how a landing or an emergency goes down.
     pub(super) fn step(
         &mut self,
         phase: Phase,
@@ -298,7 +298,7 @@ impl Guidance {
         if phase == Phase::Emergency {
             let mut setpoint = descend(robot, vehicle.tool());
             match descent {
-                Descent::Steady => setpoint.velocity_w.z = -self.params.landing_speed,
+                Descent::Steady(faster) => setpoint.velocity_w.z = -self.params.landing_speed - faster,
                 Descent::Adrift => setpoint.velocity_w.z = -ADRIFT_SPEED,
                 Descent::Forced => setpoint.velocity_w.z = -FORCED_SPEED,
                 Descent::Blind => {
@@ -320,7 +320,8 @@ impl Guidance {
         }
         if self.stage == Stage::Land {
             if !self.retreats || self.time >= self.trajectory.duration() {
-                self.sink.step(self.params.landing_speed, dt);
+                let faster = if let Descent::Steady(faster) = descent { faster } else { 0.0 };
+                self.sink.step(self.params.landing_speed + faster, dt);
             }
             setpoint.position_w.z -= self.sink.depth;
             setpoint.velocity_w.z -= self.sink.speed;

@@ -62,6 +62,8 @@ pub(super) struct Seen {
     pub(super) adrift: bool,
     /// Whether the vehicle must come down at any cost.
     pub(super) forced: bool,
+    /// Whether poses show the place and the speed.
+    pub(super) placed: bool,
     /// Whether the estimate is unusable: no vehicle in a room can move like this.
     pub(super) hopeless: bool,
     /// No place in the room is higher than this above the ground, m.
@@ -104,7 +106,7 @@ pub(super) struct Landing {
     at_rest: f64,
     unloading: Option<Unloading>,
     attempts: u32,
-    /// Set when it is forced down.
+    /// Set when it is forced down, or comes down by thrust alone.
     forced: Option<Forced>,
 }
 
@@ -119,7 +121,8 @@ impl Landing {
         if self.lies(seen, weight, dt) {
             return Verdict::Down;
         }
-        if seen.forced {
+        // Without a speed only the force shows the ground, and only where the rotors carry less than the weight.
+        if seen.forced || seen.sinks.is_none() && !seen.placed {
             return self.force(seen, weight, dt);
         }
         self.forced = None;
@@ -167,8 +170,9 @@ impl Landing {
         let carried = feels || seen.missing > SHARE * weight;
         let stopped = sinks > 0.0 && seen.velocity > -FOLLOWS * sinks && seen.velocity < STILL.0;
         self.still = if carried && stopped { self.still + dt } else { 0.0 };
-        // A vehicle that bounces on the ground, on its tool for example, is not still.
-        let bounces = lasts && seen.above.is_some_and(|above| above <= 0.0);
+        // A vehicle that bounces on the ground, on its tool for example, is not still; and without poses the speed may be
+        // wrong.
+        let bounces = lasts && (!seen.placed || seen.above.is_some_and(|above| above <= 0.0));
         bounces || self.still > if elsewhere { BLOCKED.1 } else { BLOCKED.0 }
     }
 
@@ -210,7 +214,7 @@ impl Landing {
         if self.rests(seen, weight, dt) {
             return Verdict::Down;
         }
-        let forced = self.forced.get_or_insert(Forced::BEGIN);
+        let forced = self.forced.get_or_insert_with(|| Forced::begin(seen));
         let (carried, down) = forced.step(seen, weight, dt);
         if down { Verdict::Down } else { Verdict::On([f64::NEG_INFINITY, carried * weight]) }
     }
@@ -233,6 +237,7 @@ mod tests {
         toppled: false,
         adrift: false,
         forced: false,
+        placed: true,
         hopeless: false,
         room: 3.0,
     };
@@ -256,12 +261,29 @@ mod tests {
         let (verdict, time) = run(stands);
         assert!(verdict == Verdict::Down && (0.9..1.2).contains(&time), "{verdict:?} {time}");
         // Without a speed, by the force.
-        let blind = |_, _| Seen { observed_w: Some(Vector3::new(0.0, 0.0, 10.0)), sinks: None, ..AIR };
-        assert_eq!(run(blind).0, Verdict::Down);
+        for sinks in [None, Some(0.25)] {
+            let felt = Some(Vector3::new(0.0, 0.0, 10.0));
+            let blind = |_, _| Seen { observed_w: felt, sinks, placed: false, ..AIR };
+            assert_eq!(run(blind).0, Verdict::Down);
+        }
         assert_eq!(run(|_, _| AIR), (Verdict::On(FREE), 10.0));
         // Not so soon where the ground should not be.
         let (verdict, time) = run(|time, lift| Seen { above: Some(0.4), ..stands(time, lift) });
         assert!(verdict == Verdict::Down && time > 3.0, "{verdict:?} {time}");
+    }
+
+    #[test]
+    fn what_stands_without_a_known_speed_is_unloaded_and_what_falls_is_not() {
+        let blind = Seen { sinks: None, placed: false, velocity: -3.0, ..AIR };
+        // The ground carries what the rotors do not.
+        let stands = |_, [_, most]: Lift| {
+            let carried = most.min(0.85 * WEIGHT);
+            Seen { observed_w: Some(Vector3::new(0.0, 0.0, WEIGHT - carried)), ..blind }
+        };
+        let (verdict, time) = run(stands);
+        assert!(verdict == Verdict::Down && time < 5.0, "{verdict:?} {time}");
+        let (verdict, _) = run(|_, _| blind);
+        assert!(matches!(verdict, Verdict::On([_, most]) if most < 0.2 * WEIGHT), "{verdict:?}");
     }
 
     #[test]

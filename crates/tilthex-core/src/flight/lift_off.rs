@@ -91,9 +91,10 @@ impl Flight {
         if self.guidance.ready() || matches!(phase, Phase::Landing | Phase::Emergency) {
             watch.witness = None;
         }
-        let (late, mirrored) = watch.witness.as_ref().map_or((false, false), Witness::tells);
-        if late && watch.since.is_none() {
+        let (late, mirrored) = watch.witness.as_ref().map_or((None, false), Witness::tells);
+        if let Some(late) = late.filter(|_| watch.since.is_none()) {
             watch.fault = Some(Fault::CaptureLate);
+            self.capture_clock.set_late(late);
         }
         let since = watch.since? + dt;
         watch.since = Some(since).filter(|since| *since < LIFT_OFF_TIME && phase.in_flight());
@@ -119,14 +120,15 @@ impl Flight {
             // The IMU contradicts poses of a body whose yaw is wrong before any of the signs above shows.
             Some(Fault::CaptureAxes)
         } else {
-            late.then_some(Fault::CaptureLate)
+            late.map(|_| Fault::CaptureLate)
         };
         let fault = fault.map(|fault| match (late, mirrored) {
-            (true, _) => Fault::CaptureLate,
-            (false, true) => Fault::CaptureMirrored,
-            (false, false) => fault,
+            (Some(_), _) => Fault::CaptureLate,
+            (None, true) => Fault::CaptureMirrored,
+            (None, false) => fault,
         });
         self.lift_off.fault = fault;
+        self.capture_clock.set_late(late.filter(|_| fault.is_some()).unwrap_or(0.0));
         // If the vehicle is already fast or tumbles, a landing does less harm than a stop.
         fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
     }

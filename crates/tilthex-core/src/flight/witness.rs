@@ -140,15 +140,16 @@ impl Witness {
         self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
-    /// Whether poses are later than their times, and whether they are a mirror image.
-    pub(super) fn tells(&self) -> (bool, bool) {
+    /// How much later than their times poses are, s, and whether they are a mirror image.
+    pub(super) fn tells(&self) -> (Option<f64>, bool) {
         let Some((steps, size, at_once, p)) = self.best().filter(|best| best.1 > TELLS) else {
-            return (false, false);
+            return (None, false);
         };
-        let late = steps as f64 * STEP >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER;
+        let delay = steps as f64 * STEP;
+        let late = delay >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER;
         let determinant = p.m11 * p.m22 - p.m12 * p.m21;
         let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
-        (late, 2.0 * determinant < MIRRORS * square)
+        (late.then_some(delay), 2.0 * determinant < MIRRORS * square)
     }
 
     /// Distance that the captured body has moved, m, world.
@@ -193,15 +194,19 @@ mod tests {
         for seed in 0..5 {
             for yaw in [0.0, 0.5, 1.6, 3.1, -1.0] {
                 let good = watch(0.0, so3::rot_z(yaw), seed);
-                assert_eq!(good.tells(), (false, false), "{yaw}");
+                assert_eq!(good.tells(), (None, false), "{yaw}");
                 for late in [0.12, 0.18, 0.25] {
                     let witness = watch(late, so3::rot_z(yaw), seed);
-                    assert_eq!(witness.tells(), (true, false), "{late}");
+                    let (found, mirrored) = witness.tells();
+                    assert!(
+                        !mirrored && found.is_some_and(|found| (found - late).abs() <= 0.5 * STEP + 1e-3),
+                        "{found:?} {late}"
+                    );
                 }
                 for axis in [0, 1] {
                     let mut mirror = so3::rot_z(yaw);
                     mirror.column_mut(axis).neg_mut();
-                    assert_eq!(watch(0.0, mirror, seed).tells(), (false, true));
+                    assert_eq!(watch(0.0, mirror, seed).tells(), (None, true));
                     assert!(watch(0.1, mirror, seed).tells().1);
                 }
             }

@@ -22,9 +22,10 @@ pub(super) struct Sink {
 
 impl Sink {
     pub(super) fn step(&mut self, landing_speed: f64, dt: f64) {
-        let faster = self.speed + landing_speed / SINK_IN * dt;
-        self.rate = if faster < landing_speed { landing_speed / SINK_IN } else { 0.0 };
-        self.speed = faster.min(landing_speed);
+        let change = landing_speed / SINK_IN;
+        let off = landing_speed - self.speed;
+        self.rate = if off.abs() > change * dt { libm::copysign(change, off) } else { 0.0 };
+        self.speed += off.max(-change * dt).min(change * dt);
         self.depth += self.speed * dt;
     }
 }
@@ -47,5 +48,24 @@ impl Detour {
         self.acceleration_w = (wanted_w - self.velocity_w) / WAY_BACK.1;
         self.velocity_w += self.acceleration_w * dt;
         self.offset_w += self.velocity_w * dt;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_descent_changes_its_speed_smoothly_and_sinks_by_its_integral() {
+        let (mut sink, mut last, mut depth) = (Sink::default(), 0.0, 0.0);
+        for k in 0..4000 {
+            let wanted = if (1000..2500).contains(&k) { 1.2 } else { 0.3 };
+            sink.step(wanted, 2e-3);
+            assert!((sink.speed - last).abs() <= wanted / SINK_IN * 2e-3 + 1e-12, "{k}");
+            assert!((sink.speed - last - sink.rate * 2e-3).abs() < 1e-3, "{k}");
+            depth += sink.speed * 2e-3;
+            last = sink.speed;
+        }
+        assert!((sink.speed - 0.3).abs() < 1e-9 && (sink.depth - depth).abs() < 1e-9);
     }
 }
