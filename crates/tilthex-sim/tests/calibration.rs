@@ -8,6 +8,7 @@ use tilthex_core::{
     force_axes::ForceAxes,
     plant::SensorParams,
     so3,
+    supervisor::Phase,
     trajectory::{Limits, Waypoint},
 };
 use tilthex_sim::{
@@ -51,6 +52,17 @@ fn flown(calibration: &str, truth: &str, seed: u64, sensors: SensorParams, estim
         pose_delay: 0.015,
     })
     .unwrap()
+}
+
+/// The gyro's bias at rest is known to a few mrad/s only, and the attitude by the IMU alone must not drift away in a long hover.
+#[test]
+fn a_sound_vehicle_hovers_on_and_on() {
+    for seed in [101, 110, 112] {
+        let record = flown("none", "exact", seed, SensorParams::EXPERIMENTS, true);
+        let phases = &record.get("phase").unwrap().values;
+        let left = phases.iter().rposition(|phase| *phase != Phase::Flying as i32 as f64);
+        assert!(left.is_some_and(|k| k as f64 * PERIOD < 10.0), "{seed}: not flying any more at {left:?}");
+    }
 }
 
 /// Mean tool force, N, and torque, N m, of the tilted hover.

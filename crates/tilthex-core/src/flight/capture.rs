@@ -2,7 +2,7 @@
 //!
 //! A capture system may repeat the pose of a body that it has lost, with or without noise, and mark it as tracked.
 //! Such poses agree with each other, and an estimator that follows them sees no contradiction until the vehicle is
-//! fast. Therefore the motion of the last second is computed from the IMU alone, with the biases that it had at rest.
+//! fast. Therefore the motion of the last second is computed from the IMU alone, with biases that hardly follow the poses.
 
 use super::gyro_doubt::{BIAS, GyroDoubt};
 use crate::{
@@ -26,6 +26,9 @@ const EXCUSED: u32 = 3;
 const SHORTEST: f64 = 0.1;
 /// The computed attitude follows that of the estimate by this part from one window to the next.
 const FOLLOWS: f64 = 0.05;
+/// The biases follow those of the estimate by this part after each window in which poses and IMU agree: those at rest are not
+/// exact, and change with the temperature.
+const BIASES_FOLLOW: f64 = 0.25;
 /// Largest drift of the IMU alone, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
 /// Time that poses need to correct the state after a blow, s: the samples show only a part of a blow.
@@ -82,7 +85,7 @@ pub(super) struct CaptureWatch {
     moves: bool,
     last_gyro_i: Vector3,
     frozen: bool,
-    /// State and biases of the vehicle at rest.
+    /// State and biases of the vehicle at rest; in flight the biases follow slowly.
     rest: Option<Navigation>,
     window: Option<Window>,
     /// Turns that the gyro showed and the rotors did not make.
@@ -223,7 +226,14 @@ impl CaptureWatch {
             let rotation_wi = own * so3::exp(&(FOLLOWS * apart));
             let reckoned = Navigation { rotation_wi, ..fresh.reckoned };
             self.window = Some(Window { reckoned, ..fresh });
-            self.excused = if contradicts { self.excused } else { 0 };
+            if !contradicts {
+                self.excused = 0;
+                let (gyro_bias_i, accelerometer_bias_i) = (state.gyro_bias_i, state.accelerometer_bias_i);
+                rest.gyro_bias_i += BIASES_FOLLOW * (gyro_bias_i - rest.gyro_bias_i);
+                rest.accelerometer_bias_i +=
+                    BIASES_FOLLOW * (accelerometer_bias_i - rest.accelerometer_bias_i);
+                self.rest = Some(rest);
+            }
         }
         if !contradicts || self.lies {
             return None;
