@@ -42,7 +42,7 @@ SYMPTOMS = (
     Symptom(
         "The motors do not start, or they stop before the take-off",
         "On the ground every fault whose reaction there is *refuse* prevents the start. `tilthex-rt doctor` "
-        "looks at computer, vehicle and motion capture before. These faults are met there first:",
+        "checks computer, vehicle and motion capture before a flight. The usual faults are:",
         (
             "start timeout",
             "motor check",

@@ -155,11 +155,11 @@ def written(tmp_path, truth, matrices):
 def test_what_is_no_rotation_is_named_with_its_line(tmp_path, config, truth):
     matrices = truth.rotation.copy()
     matrices[7] *= [1, 1, -1]
-    assert f"line {2 + 200 + 7}: the matrix is no rotation" in refused(
+    assert f"line {2 + 200 + 7}: the matrix is not a rotation" in refused(
         written(tmp_path, truth, matrices), config
     )
     matrices[7] = 1.1 * truth.rotation[7]
-    assert "it is 1.0e-01 away" in refused(written(tmp_path, truth, matrices), config)
+    assert "1.0e-01 away" in refused(written(tmp_path, truth, matrices), config)
     path = tmp_path / "q.csv"
     write_csv(path, truth)
     lines = path.read_text().splitlines()
@@ -195,7 +195,7 @@ def test_mat_files(tmp_path, config, truth, order):
     scipy_io.savemat(tmp_path / "r.mat", {"imu": imu, "pose": pose})
     assert "expected a name that ends in _xyzw or _wxyz" in refused(tmp_path / "r.mat", config)
     (tmp_path / "r.mat").write_bytes(b"no such thing")
-    assert "is no MAT file" in refused(tmp_path / "r.mat", config)
+    assert "cannot be read as a MAT file" in refused(tmp_path / "r.mat", config)
 
 
 def ulog(path, truth, newer):
@@ -232,7 +232,7 @@ def test_logs_of_px4(tmp_path, config, truth, newer):
     same(found, truth, 2e-6, FIELDS[:-1])
     np.testing.assert_allclose(found.pose_arrival_time, truth.pose_time + 0.005, atol=2e-6)
     (tmp_path / "f.ulg").write_bytes(b"no such thing")
-    assert "is not a log of PX4" in refused(tmp_path / "f.ulg", config)
+    assert "cannot be read as a log of PX4" in refused(tmp_path / "f.ulg", config)
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])

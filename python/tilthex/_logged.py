@@ -44,9 +44,9 @@ class Target(TypedDict):
     angular_velocity: Array
     """Angular velocity. [rad/s]"""
     force: Array
-    """Wrench that the tool shall exert, about its tip, world axes. [N, N m]"""
+    """Wrench that the tool must exert, about its tip, world axes. [N, N m]"""
     torque: Array
-    """Wrench that the tool shall exert, about its tip, world axes. [N, N m]"""
+    """Wrench that the tool must exert, about its tip, world axes. [N, N m]"""
 
 
 class Model(TypedDict):

@@ -95,7 +95,7 @@ class Log:
             if self.missing and self._log.times is None:
                 size = len(self._log.data)
                 raise ValueError(
-                    f"{path} breaks off after {size} bytes, before the configuration at the begin of a log: "
+                    f"{path} breaks off after {size} bytes, before the configuration at the start of a log: "
                     "nothing can be read"
                 )
             raise NotALog(

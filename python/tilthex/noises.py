@@ -1,6 +1,6 @@
 """The noises of a recording: those with which the innovations of the filter are most likely.
 
-The innovations are taken as Student's t, so that a few outliers do not count as noise.
+The innovations have Student's t-distribution, so that a few outliers do not count as noise.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ BOUNDS = {
 The lower bounds keep poses from being trusted too much.
 """
 FREEDOM = 5.0
-"""Degrees of freedom of Student's t."""
+"""Degrees of freedom of the t-distribution."""
 SCALE = 0.8566
-"""Scale of Student's t whose most likely deviation, for normal innovations, is theirs."""
+"""Scale of the distribution. With it, the most likely deviation of normal innovations is their own."""
 COARSE, FINE, CURVED = float(np.log(3.0)), 0.3, 0.1
 """First steps of the search, and the step of the curvature, in natural logarithms."""
 UNKNOWN = 3.0

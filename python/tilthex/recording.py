@@ -229,7 +229,7 @@ def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Arra
     wrong = (off > NEAR) | (np.linalg.det(matrices) < 0)
     for row in np.flatnonzero(wrong)[:1]:
         raise ValueError(
-            f"{stream.place}, {stream.row(rows[row])}: the matrix is no rotation (it is {off[row]:.1e} away, "
+            f"{stream.place}, {stream.row(rows[row])}: the matrix is not a rotation ({off[row]:.1e} away, "
             f"determinant {np.linalg.det(matrices[row]):.3g}); expected an orthonormal one of determinant +1"
         )
     rotation: Array = u @ v

@@ -12,8 +12,8 @@ use tilthex_core::{
 };
 
 section! {
-    /// The state estimator, an unscented Kalman filter on SO(3) x R^12. Where the IMU
-    /// sits is the vehicle's: imu_position and imu_rotation_deg.
+    /// The state estimator, an unscented Kalman filter on SO(3) x R^12. The place of the IMU
+    /// is in `[vehicle]`: `imu_position` and `imu_rotation_deg`.
     pub EstimatorSection as "estimator" {
         /// Standard deviation of a captured position, each axis.
         position_noise: f64 = 0.3e-3 => "m" from 1e-4 to 1.0,

@@ -47,7 +47,7 @@ section! {
         /// The capture system's upward axis, "y" or "z".
         up_axis: String = "z".into(),
         /// Age of a pose when it leaves a capture system that does not send this age (VRPN, or cameras without
-        /// exposure times). At most 0.08, because older poses count as lost.
+        /// exposure times). At most 0.08: a pose that is older than 0.1 s counts as lost.
         latency: f64 = 0.0 => "s" from 0.0 to 1.0,
     }
 }

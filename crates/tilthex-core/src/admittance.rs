@@ -1,9 +1,9 @@
 //! The outer loop: an admittance filter at the tool tip; (27)-(30).
 //!
-//! `M d(dv)/dt + D dv + K e = what_E + w_user`, with the deviation of the
-//! reference from the set-point `e = [p_r - p_d; 1/2 vee(R_r R_d^T - R_d R_r^T)]`:
-//! the reference yields in the direction of the push. The paper prints d - r
-//! in (27)-(28), which would move against it.
+//! `M d(dv)/dt + D dv + K e = h_hat + h_user`, with the observed wrench `h_hat`, the commanded one
+//! `h_user`, and the deviation of the reference from the set-point,
+//! `e = [p_ref - p_set; 1/2 vee(R_ref R_set^T - R_set R_ref^T)]`: the reference yields in the direction of
+//! the push. The paper prints set-point minus reference in (27)-(28), which would move against it.
 
 mod forced;
 mod motion;
@@ -183,7 +183,7 @@ impl AdmittanceFilter {
         moving + self.spring.energy(&state.translation_w, &state.rotation)
     }
 
-    /// Moves the reference by `dt` seconds under the wrench `what_E + w_user` at the tool (world), which is constant
+    /// Moves the reference by `dt` seconds under the wrench `h_hat + h_user` at the tool (world), which is constant
     /// over the period; `setpoint` is the set-point at its end. Along the force axes of the set-point, neither its place nor
     /// its motion acts on the reference.
     pub fn step(

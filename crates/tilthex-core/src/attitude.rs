@@ -1,10 +1,9 @@
 //! The attitude of the vehicle if the rotors cannot produce the lateral force in the wanted attitude: the smallest
 //! rotation of the reference that brings the wanted force into the set of forces that the vehicle can produce.
 //!
-//! After Franchi, Carli, Bicego, Ryll, "Full-pose tracking control for aerial
-//! robotic systems with laterally bounded input force", T-RO 34(2), 2018, which
-//! The paper takes the lateral forces from a given planar set. Here they are the vehicle's own section (no torque, a
-//! given magnitude of the force), whatever its shape. A vehicle with collinear rotors is thus the extreme case of one
+//! After Franchi, Carli, Bicego, Ryll, "Full-pose tracking control for aerial robotic systems with laterally bounded
+//! input force", T-RO 34(2), 2018. That paper takes the lateral forces from a given planar set. Here they are the
+//! vehicle's own section (no torque, a given magnitude of the force), whatever its shape. A vehicle with collinear rotors is thus the extreme case of one
 //! with small lateral forces. The turn is only as fast as the rotors can turn the vehicle (see `turn`): the attitude,
 //! its rate and its acceleration are consistent and continuous. The turn is about the tool, which stays at its
 //! reference (see `about_tool`).

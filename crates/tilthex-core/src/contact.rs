@@ -7,11 +7,11 @@
 //! computed: the logarithm of the ratio of the likelihoods of the innovation
 //!
 //! ```text
-//! n = what_E - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
+//! n = h_hat - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
 //! ```
 //!
-//! where J is the derivative of the drag by W, P the covariance of W, R the covariance of the observed wrench without
-//! wind and contact, and C that of touches. The ratio is summed over independent samples, one in `2 / L` for an
+//! where h_hat is the observed wrench, J the derivative of the drag with respect to W, P the covariance of W, R the
+//! covariance of the observed wrench without wind and contact, and C that of touches. The ratio is summed over independent samples, one in `2 / L` for an
 //! observer of rate L, and bounded, so that it forgets. The method follows Tomic, Lutz, Schmid, Mathers, Haddadin,
 //! arXiv 1810.12908, who also distinguish wind and contact by a model of drag.
 //!
@@ -115,7 +115,7 @@ impl ContactParams {
         let largest = deviation * deviation;
         let covariance = state.covariance.unwrap_or(Matrix3::from_diagonal_element(largest));
         let grown = covariance + Matrix3::from_diagonal_element(largest * dt / time);
-        // The covariance never exceeds that of the begin.
+        // The covariance never exceeds its first value.
         let covariance = if grown.trace() > 3.0 * largest { covariance } else { grown };
         let free = Fit::of(&innovation, &slope, &covariance, noise);
         let contact = Fit::of(&innovation, &slope, &covariance, touched);

@@ -2,8 +2,8 @@
 //!
 //! Raibert and Craig 1981 select the axes of a task frame. Here the task frame is that of the tool, or of a surface.
 //! Along a chosen axis neither position nor motion of the set-point acts on the reference, and the dead zone does not
-//! act: the filter moves the reference until the observed wrench and the commanded one balance, `M a_r + D v_r =
-//! what_E + w_user`.
+//! act: the filter moves the reference until the observed wrench and the commanded one balance, `M a_ref + D v_ref =
+//! h_hat + h_user`.
 
 use crate::{
     Error,

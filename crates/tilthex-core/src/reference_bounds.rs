@@ -2,9 +2,9 @@
 //! touches.
 //!
 //! The admittance filter alone is passive. With the observer's lag, the delays of the loop and a commanded wrench it
-//! is not: against a stiff wall the tool may bounce harder and harder. The tank counts the energy `-what_E . dv dt`
+//! is not: against a stiff wall the tool may bounce harder and harder. The tank counts the energy `-h_hat . dv dt`
 //! that the reference, relative to its set-point, gives to the environment. A constant power, and the energy that the
-//! environment gives back, fill it up to its capacity. If it is empty, the reference is pushed along `what_E`, as an
+//! environment gives back, fill it up to its capacity. If it is empty, the reference is pushed along `h_hat`, as an
 //! impulse of the environment on the filter's mass would push it, until it gives no more than that power. So in any
 //! time t it gives at most `capacity + power t` (Ferraguti et al. 2015 bound an admittance in a similar way).
 

@@ -23,7 +23,7 @@ pub struct Waypoint {
     pub position_w: Vector3,
     /// Orientation of the tool: maps E to W.
     pub rotation_we: Matrix3,
-    /// Wrench that the tool shall exert here (world, at the tip); blended between way-points.
+    /// Wrench that the tool must exert here (world, at the tip); blended between way-points.
     pub wrench_w: Wrench,
     /// Along which axes that wrench is controlled instead of the pose, from here to where the next way-point is reached.
     pub force_axes: ForceAxes,

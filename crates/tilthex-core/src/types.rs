@@ -102,7 +102,7 @@ impl RobotState {
 }
 
 /// The commanded set-point of the tool: the desired pose, twist and acceleration of the tool frame (all linear and
-/// angular rates in world coordinates), and the wrench that the tool shall exert on the environment.
+/// angular rates in world coordinates), and the wrench that the tool must exert on the environment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Setpoint {
     /// Position of the tool tip, m, world.
@@ -117,7 +117,7 @@ pub struct Setpoint {
     pub acceleration_w: Vector3,
     /// Angular acceleration, rad/s^2, world.
     pub angular_acceleration_w: Vector3,
-    /// Wrench the tool shall exert on the environment, world, about the tool tip.
+    /// Wrench that the tool must exert on the environment, world, about the tool tip.
     pub wrench_w: Wrench,
     /// Along which axes that wrench is controlled instead of the pose.
     pub force_axes: ForceAxes,

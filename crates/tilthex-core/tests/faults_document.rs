@@ -11,7 +11,7 @@ before the fault counts, for how long the condition must be absent before the fa
 `supervisor::TABLE` and `supervisor::limits`, which the code uses (`TILTHEX_WRITE_DOCS=1 cargo test -p tilthex-core --test
 faults_document`); a test compares the two. The number of a fault is its bit in logs.
 
-- **note**: the fault is counted and logged; the remark names a substitute, if there is one.
+- **note**: the fault is counted and logged; the remark says what replaces a missing value.
 - **refuse**: on the ground, the motors do not start, or they stop.
 - **hold**: the mission's clock slows down and stops; it continues when the fault is over.
 - **land**: straight down from the reference, while the vehicle turns level; the supervisor does not take it back.
@@ -19,9 +19,11 @@ faults_document`); a test compares the two. The number of a fault is its bit in 
   the thrust is a little less than the weight. When the position returns, the reaction is *land* again.
 
 If several faults are active, the reaction that is furthest down in this list is taken. Motors stop only when the ground carries the
-vehicle (`flight/landing.rs` lists the signs), or by the order `kill`. If the program itself ends in flight, the vehicle's own watchdog
-takes the rotors to their lowest speed, so that the vehicle falls, and disarms later. Nothing on the base PC can prevent this. Therefore
-the program must not die: see the real-time notes in [loop.md](loop.md).
+vehicle (`flight/landing.rs` lists the signs), by a fault of the lift-off just above the ground, or by the order `kill`. If the program
+itself ends in flight, the vehicle's own watchdog takes the rotors to their lowest speed, so that the vehicle falls, and stops them later.
+Nothing on the base PC can prevent this. Therefore the program must not die: see the real-time notes in [loop.md](loop.md).
+
+The *lagged command* is the commanded speed of a rotor after the lag of the model: the speed that the rotor should have.
 
 | number | fault | seen by | after | over after | on the ground | in flight | remark |
 |---|---|---|---|---|---|---|---|
@@ -73,7 +75,7 @@ class Fault(NamedTuple):
     in_flight: str
     \"\"\"Reaction in flight: note, hold, land or descend.\"\"\"
     remark: str
-    \"\"\"What stands in, or how to mend the cause; may be empty.\"\"\"
+    \"\"\"What replaces a missing value, and how to remove the cause; may be empty.\"\"\"
 
 
 FAULTS = (

@@ -161,7 +161,7 @@ impl AdmittanceFilter {
         Ok(Self { block, state: AdmittanceState::default(), output: None })
     }
 
-    /// Moves the reference by `dt` seconds under the wrench `what_E + w_user` at the tool, (6,), world. The wrench is
+    /// Moves the reference by `dt` seconds under the observed plus the commanded wrench at the tool, (6,), world. It is
     /// constant over the period; `setpoint` is the set-point at its end.
     #[pyo3(signature = (setpoint, wrench, dt=0.002))]
     fn step(&mut self, setpoint: &Setpoint, wrench: &Bound<'_, PyAny>, dt: f64) -> PyResult<Setpoint> {

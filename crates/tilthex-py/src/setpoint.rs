@@ -19,7 +19,7 @@ pub(crate) fn chosen(names: &[String], surface: Any<'_, '_>) -> PyResult<ForceAx
 }
 
 /// The commanded set-point of the tool: pose, twist and acceleration of the tool frame, all in world coordinates, and
-/// the wrench that the tool shall exert on the environment (force N, torque N m, world, about the tip). `force_axes` names axes of
+/// the wrench that the tool must exert on the environment (force N, torque N m, world, about the tip). `force_axes` names axes of
 /// x, y, z (force) and rx, ry, rz (torque) along which that wrench is controlled instead of the pose: those of the tool, or
 /// those of a `surface`, (3, 3), which maps its coordinates to world coordinates.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
@@ -93,7 +93,7 @@ impl Setpoint {
         array1(py, self.0.angular_acceleration_w.as_slice())
     }
 
-    /// The wrench that the tool shall exert on the environment, world, (6,).
+    /// The wrench that the tool must exert on the environment, world, (6,).
     #[getter]
     fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         wrench_array(py, &self.0.wrench_w)

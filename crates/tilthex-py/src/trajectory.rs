@@ -17,7 +17,7 @@ use tilthex_core::{
 /// Way-points of the tool in six dimensions, joined by quintic polynomials that begin and end at rest.
 ///
 /// Each way-point is a dict with `position` (3,), m, world. These keys are optional: `rotation` (3, 3); `wrench` (6,)
-/// that the tool shall exert; `force_axes` and `surface`, as those of `Setpoint`, which hold until the next way-point is
+/// that the tool must exert; `force_axes` and `surface`, as those of `Setpoint`, which hold until the next way-point is
 /// reached; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
 /// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it.
 #[pyclass(frozen, module = "tilthex", from_py_object)]

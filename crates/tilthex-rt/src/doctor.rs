@@ -63,7 +63,7 @@ impl fmt::Display for Check {
         let mark = match self.verdict {
             Verdict::Good => "ok",
             Verdict::Fair => "fair",
-            Verdict::Bad => "MEND",
+            Verdict::Bad => "FAIL",
         };
         write!(f, "{mark:5} {:12} {}", self.name, self.text)
     }

@@ -11,11 +11,11 @@ use crate::output;
 /// The kind of reason for which a program ends. It decides the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Wrong usage or configuration: 2.
+    /// Wrong usage or configuration, or a failed check of `doctor`: 2.
     Usage,
     /// The vehicle's link, motion capture, or the world of a simulated vehicle failed: 3.
     Link,
-    /// A fault ended the flight, and the vehicle landed: 4.
+    /// A fault or the order `kill` ended the flight, a replay differs from its log, or a flight of a campaign failed: 4.
     Fault,
     /// A log breaks off; everything before its end is good: 5.
     Incomplete,

@@ -18,7 +18,7 @@ pub struct Wake {
 }
 
 impl Wake {
-    /// Time from the deadline to the begin of the tick, ns.
+    /// Time from the deadline to the start of the tick, ns.
     #[must_use]
     pub fn latency(&self) -> Nanos {
         self.woke.saturating_sub(self.deadline)

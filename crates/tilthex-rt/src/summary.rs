@@ -66,11 +66,11 @@ pub struct Statistics {
     pub skipped: u64,
     /// Number of ticks with an inertial sample.
     pub with_imu: u64,
-    /// From the deadline to the begin of the tick.
+    /// From the deadline to the start of the tick.
     pub wake: Histogram,
-    /// From the begin of the tick to the end of its write.
+    /// From the start of the tick to the end of its write.
     pub compute: Histogram,
-    /// From the begin of a tick to the begin of the next one.
+    /// From the start of a tick to the start of the next one.
     pub period: Histogram,
     /// From the moment at which the inertial sample's bytes were found to the end of the command's write.
     pub imu_to_command: Histogram,

@@ -15,11 +15,11 @@ const RING: usize = 512;
 /// Timing of a tick. Times in ns.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timing {
-    /// From the deadline to the begin of the tick.
+    /// From the deadline to the start of the tick.
     pub wake_latency: u64,
-    /// From the begin of the tick to the end of the write.
+    /// From the start of the tick to the end of the write.
     pub compute: u64,
-    /// From the begin of the last tick to the begin of this one.
+    /// From the start of the last tick to the start of this one.
     pub period: u64,
     /// Whole periods skipped before this tick.
     pub skipped: u64,
@@ -27,7 +27,7 @@ pub struct Timing {
     pub imu_to_command: u64,
     /// How often the loop looked at the port before the IMU's bytes were there.
     pub polls: u32,
-    /// Writes of which the line took only a part, since the begin of the flight.
+    /// Writes of which the line took only a part, since the start of the flight.
     pub short_writes: u64,
 }
 

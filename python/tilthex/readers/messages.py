@@ -51,7 +51,7 @@ def read_bag(path: Path) -> list[Stream]:
     if path.is_file():
         path = path.parent
     if not (path / "metadata.yaml").exists():
-        raise ValueError(f"{path} is no ROS 2 bag: it holds no metadata.yaml")
+        raise ValueError(f"{path} is not a ROS 2 bag: it holds no metadata.yaml")
     rosbags = _rosbags()
     with _said(path), rosbags.AnyReader([path], default_typestore=ros_types()) as reader:
         streams = []
@@ -95,7 +95,7 @@ class _said:
 
     def __exit__(self, kind: Any, error: BaseException | None, _: Any) -> None:
         if error is not None and type(error).__module__.startswith("rosbags"):
-            raise ValueError(f"{self._path} is no ROS 2 bag that can be read: {error}") from error
+            raise ValueError(f"{self._path} cannot be read as a ROS 2 bag: {error}") from error
 
 
 def _decoder(path: Path, channel: _mcap.Channel) -> Callable[[bytes], Any] | None:

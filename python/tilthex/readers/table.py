@@ -61,7 +61,7 @@ def read_mat(path: Path) -> list[Stream]:
     except NotImplementedError:
         raise ValueError(f"{path} is of version 7.3; expected an older one: save(file, '-v7')") from None
     except (MatReadError, ValueError, TypeError, EOFError) as error:
-        raise ValueError(f"{path} is no MAT file that can be read: {error}") from error
+        raise ValueError(f"{path} cannot be read as a MAT file: {error}") from error
     variables = _variables("", raw)
     rates = [float(v.item()) for name, v in variables if _is(name, "fs", "sampling_rate") and v.size == 1]
     groups: dict[tuple[str, int], dict[str, Array]] = {}
@@ -116,7 +116,7 @@ def _columns(path: Path, name: str, values: NDArray[Any]) -> dict[str, Array]:
         plain, order = name, "wxyz"
     if order not in ("xyzw", "wxyz"):
         raise ValueError(
-            f"{path}: the order of the quaternions '{name}' is not said; "
+            f"{path}: the name '{name}' does not give the order of the quaternion; "
             "expected a name that ends in _xyzw or _wxyz"
         )
     return {f"{plain}_{axis}": rows[:, k] for k, axis in enumerate(order)}

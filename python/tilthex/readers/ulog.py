@@ -33,7 +33,7 @@ def read(path: Path) -> list[Stream]:
         raise
     except Exception as error:
         # A file that is not a log fails in many ways, and the library recognises only some of them.
-        raise ValueError(f"{path} is not a log of PX4 that can be read: {error}") from error
+        raise ValueError(f"{path} cannot be read as a log of PX4: {error}") from error
     return [_stream(path, topic) for topic in topics]
 
 

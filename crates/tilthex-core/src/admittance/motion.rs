@@ -55,7 +55,7 @@ impl<B: Block> Linear<B> {
 pub(super) struct Motion<'a, B> {
     pub law: &'a Linear<B>,
     pub spring: &'a Spring,
-    /// M^-1 (what_E + w_user).
+    /// M^-1 (h_hat + h_user).
     pub push: Vector6,
     /// Angular velocity of the set-point, rad/s, in the axes of the matrices.
     pub setpoint_velocity: Vector3,
@@ -132,7 +132,7 @@ impl<B: Block> Motion<'_, B> {
     }
 
     /// The parts that the spring and the rotating set-point add to the linear motion are described by their value and
-    /// slope at the begin and their value at the end, as a polynomial of second degree in time. The method has third
+    /// slope at the start and their value at the end, as a polynomial of second degree in time. The method has third
     /// order, and is exact if the spring is linear.
     fn bent(
         &self,

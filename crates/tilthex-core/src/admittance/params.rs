@@ -64,7 +64,7 @@ impl Default for AdmittanceParams {
 
 /// Rate of a reference that does not yield, critically damped, 1/s.
 const FIRM: f64 = 2.0;
-/// Smallest allowed excursion of such a reference at its begin: m and rad.
+/// Smallest allowed excursion of such a reference at its start: m and rad.
 const FIRM_EXCURSION: (f64, f64) = (1.0, 1.0);
 
 impl AdmittanceParams {

@@ -103,7 +103,7 @@ impl<B: Block> Pair<B> {
     }
 }
 
-/// What a period h makes of the rates at its begin and of what they leave out.
+/// What a period h makes of the rates at its start and of what they leave out.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Propagator<B> {
     /// h, s.

@@ -21,7 +21,7 @@ pub struct ControllerState {
     pub admittance: AdmittanceState,
     /// The distance by which a wrench set-point has moved the tool.
     pub free_wrench: FreeWrenchState,
-    /// Energy that the reference may still give to what the tool touches, J; zero at the begin.
+    /// Energy that the reference may still give to what the tool touches, J; zero at the start.
     pub energy_tank: f64,
     /// Wrench (force and torque in R) observed in a contact-free hover; it counts as no contact.
     pub bias_r: Wrench,

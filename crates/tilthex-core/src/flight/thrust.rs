@@ -1,8 +1,8 @@
 //! The thrust of the rotors, found from the motion of the vehicle and not from the motors' telemetry.
 //!
 //! Rotors that turn and do not lift: a rotor without its propeller shows as an external wrench that cancels the wrench
-//! which the rotor should give. A push near the end of its arm looks the same, so the rotor is tested: it is slowed
-//! down for a moment. The wrench of a lost propeller disappears with the speed; a push stays. Rotors whose telemetry
+//! which the rotor should give. A push near the end of its arm looks the same, so the rotor is tested: it is
+//! stopped for a moment. The wrench of a lost propeller disappears with the speed; a push stays. Rotors whose telemetry
 //! drops to zero while they still lift show as an external wrench that is equal to the one which the model lacks.
 
 use crate::{

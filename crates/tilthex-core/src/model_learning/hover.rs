@@ -73,7 +73,7 @@ impl Hover {
 pub(super) struct HoverMeter {
     /// For how long the set-point has been at rest, s.
     rest: f64,
-    /// The block so far: its integral, its length, s, and the angular momentum at its begin.
+    /// The block so far: its integral, its length, s, and the angular momentum at its start.
     sum: Hover,
     time: f64,
     begin_r: Option<Vector3>,

@@ -79,7 +79,7 @@ impl PlantState {
     }
 }
 
-/// Rates of change of (position, velocity, rotation since the begin of the step, momentum).
+/// Rates of change of (position, velocity, rotation since the start of the step, momentum).
 #[derive(Clone, Copy)]
 struct Rates {
     position: Vector3,

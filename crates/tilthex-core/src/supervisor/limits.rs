@@ -70,9 +70,9 @@ pub const POSITION_DEVIATION: f64 = 0.5;
 pub const VELOCITY_DEVIATION: f64 = 1.0;
 /// A landing that comes no lower for this long fails, s.
 pub const LANDING_STOPS: f64 = 8.0;
-/// A landing that rises above its begin by this fails, m.
+/// A landing that rises above its start by this fails, m.
 pub const LANDING_RISES: f64 = 0.6;
-/// A landing that moves aside from its begin by this fails, m.
+/// A landing that moves aside from its start by this fails, m.
 pub const LANDING_ASIDE: f64 = 1.0;
 /// A landing this far beyond the geofence fails, m.
 pub const FENCE_MARGIN: f64 = 0.5;

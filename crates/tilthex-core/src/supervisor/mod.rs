@@ -1,6 +1,6 @@
 //! The supervisor: the phase of the flight, and the reaction to faults.
 //!
-//! In flight the strongest reaction is a landing. Motors stop only on the ground, by the operator's order `kill`, or
+//! In flight the strongest reactions are to land and to descend. Motors stop only on the ground, by the operator's order `kill`, or
 //! just after a lift-off that goes wrong, when a stop does less harm than flying.
 
 pub mod faults;
@@ -132,7 +132,7 @@ impl Supervisor {
         self.active
     }
 
-    /// All faults since the begin.
+    /// All faults since the start of the flight.
     #[must_use]
     pub fn seen(&self) -> FaultSet {
         self.seen

@@ -17,9 +17,10 @@ use crate::{
 
 /// Flies a fully actuated multirotor as an end-effector.
 ///
-/// Exit status: 0 done; 2 wrong arguments or configuration; 3 the vehicle or motion capture does not answer;
-/// 4 a fault or a kill ended the flight, or a replay differs from its log; 5 a replayed log breaks off;
-/// 6 this computer denies what the program needs; 130 interrupted (the vehicle landed).
+/// Exit status: 0 done; 2 wrong arguments or configuration, or a failed check of doctor; 3 the vehicle or motion capture
+/// does not answer; 4 a fault or the order kill ended the flight, a replay differs from its log, or a flight of a campaign
+/// failed; 5 a replayed log breaks off; 6 this computer denies what the program needs; 130 interrupted (the vehicle
+/// landed).
 #[derive(Clone, Debug, Parser)]
 #[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
 pub struct Args {
@@ -82,8 +83,8 @@ pub struct Args {
     #[arg(long, requires = "sim", default_value_t = 1)]
     pub seed: u64,
 
-    /// Start the motors and take off as soon as everything is ready. Without this option only the order take_off
-    /// starts them, which comes through --control
+    /// Start the motors and take off as soon as everything is ready. Without this option only the order take_off, which
+    /// comes through --control, starts them
     #[arg(long)]
     pub take_off: bool,
 
@@ -132,7 +133,7 @@ pub(super) enum Action {
         /// Seed of the first flight; each later flight has the next seed
         #[arg(long, default_value_t = 1)]
         seed: u64,
-        /// Only faults of these kinds [default: all]
+        /// Only faults of these kinds, such as reboot,bit-flips; the error for an unknown kind lists them [default: all]
         #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
         faults: Vec<Kind>,
         /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML

@@ -102,7 +102,7 @@ fn fly_campaign(
     match failures.first_key_value() {
         None => Ok(()),
         Some((seed, first)) => Err(Failure::fault(format!(
-            "{} of {number} faulty flights failed, the first is seed {seed} (--number 1 --seed {seed} shows its events): {first}",
+            "{} of {number} flights with faults failed; the first has the seed {seed} (--number 1 --seed {seed} shows its events): {first}",
             failures.len()
         ))),
     }

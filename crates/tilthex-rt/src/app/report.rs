@@ -131,7 +131,7 @@ pub(super) fn outcome(
             let row = &TABLE[fault as usize];
             let remark = if row.remark.is_empty() { String::new() } else { format!("; {}", row.remark) };
             Err(Failure::fault(format!(
-                "the vehicle landed on a fault: {} ({}){remark}",
+                "the vehicle landed because of a fault: {} ({}){remark}",
                 row.name, row.detection
             )))
         }

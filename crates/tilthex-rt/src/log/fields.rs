@@ -5,7 +5,7 @@ pub(super) const MAGIC: &[u8] = mcap::MAGIC;
 /// Length of the kind and the length of a record, bytes.
 pub(super) const RECORD_HEAD: usize = 1 + 8;
 
-/// Reads the fields of a record from its begin. A field after the end of the record is `None`.
+/// Reads the fields of a record from its start. A field after the end of the record is `None`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Fields<'a>(pub(super) &'a [u8]);
 

@@ -30,7 +30,7 @@ impl LogReader {
             return Err(match found.cut {
                 Some(Cut { size, .. }) if found.times.is_none() => {
                     format!(
-                        "breaks off after {size} bytes, before the configuration at the begin of a log: nothing can be read"
+                        "breaks off after {size} bytes, before the configuration at the start of a log: nothing can be read"
                     )
                 }
                 _ => format!(

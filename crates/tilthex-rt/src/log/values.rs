@@ -89,7 +89,7 @@ const TARGET: Message<Setpoint> = Message {
         field(4, "angular_velocity_w", "rad/s", "angular_velocity", "Angular velocity.", Vector(|s| s.angular_velocity_w)),
         field(5, "acceleration_w", "m/s^2", "", "Acceleration.", Vector(|s| s.acceleration_w)),
         field(6, "angular_acceleration_w", "rad/s^2", "", "Angular acceleration.", Vector(|s| s.angular_acceleration_w)),
-        field(7, "wrench_w", "N, N m", "force, torque", "Wrench that the tool shall exert, about its tip, world axes.", Force(|s| s.wrench_w)),
+        field(7, "wrench_w", "N, N m", "force, torque", "Wrench that the tool must exert, about its tip, world axes.", Force(|s| s.wrench_w)),
     ],
 };
 
@@ -173,9 +173,9 @@ const TIMING: Message<Tick> = Message {
     name: "Timing",
     doc: "The timing of the loop.",
     fields: &[
-        field(1, "wake_latency", "ns", "", "From the deadline to the begin of the tick.", Total(|t| t.timing.wake_latency)),
-        field(2, "compute", "ns", "", "From the begin of the tick to the end of its write.", Total(|t| t.timing.compute)),
-        field(3, "period", "ns", "", "From the begin of the last tick to the begin of this one.", Total(|t| t.timing.period)),
+        field(1, "wake_latency", "ns", "", "From the deadline to the start of the tick.", Total(|t| t.timing.wake_latency)),
+        field(2, "compute", "ns", "", "From the start of the tick to the end of its write.", Total(|t| t.timing.compute)),
+        field(3, "period", "ns", "", "From the start of the last tick to the start of this one.", Total(|t| t.timing.period)),
         field(4, "skipped", "", "", "Whole periods that were skipped before this tick.", Total(|t| t.timing.skipped)),
         field(5, "imu_to_command", "ns", "", "From the moment at which the IMU's bytes were found to the end of the command's write; 0 if no bytes came.", Total(|t| t.timing.imu_to_command)),
         field(6, "polls", "", "", "How often the loop looked at the port before the IMU's bytes were there.", Count(|t| t.timing.polls)),

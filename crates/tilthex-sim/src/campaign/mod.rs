@@ -40,7 +40,7 @@ use story::Story;
 use crate::{SimError, Simulation, SimulationParams};
 use tilthex_config::{Config, TruthSection, VehicleSection};
 
-/// Faults begin within this time from the begin of the hover, s.
+/// Faults begin within this time from the start of the hover, s.
 const WINDOW: f64 = 3.0;
 /// Faults of flights from power-on begin within this time, s.
 const WHOLE_WINDOW: f64 = 14.0;
