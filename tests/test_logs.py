@@ -282,7 +282,7 @@ def test_state_and_truth_share_a_clock(path):
 
 
 def test_the_check_sums_are_those_of_the_file(flight):
-    """What is compared is there: a log without check sums would pass every flip."""
+    """What is compared is there: a log without checksums would pass every flip."""
     records = list(StreamReader(io.BytesIO(flight), emit_chunks=True, validate_crcs=True).records)
     chunks = [r for r in records if type(r).__name__ == "Chunk"]
     assert chunks

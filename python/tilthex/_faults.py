@@ -18,7 +18,7 @@ class Fault(NamedTuple):
     in_flight: str
     """Reaction in flight: note, hold, land or descend."""
     remark: str
-    """What stands in, or how to mend the cause; may be empty."""
+    """What replaces a missing value, and how to remove the cause; may be empty."""
 
 
 FAULTS = (
@@ -50,19 +50,19 @@ FAULTS = (
         "IMU out of range",
         "note",
         "note",
-        "the sample is dropped; after many of them the IMU counts as silent",
+        "the sample is dropped; if many are dropped, the IMU counts as silent",
     ),
     Fault(
         "motor data stale",
         "note",
         "note",
-        "from 30 ms on, the commanded speed through the rotor's lag replaces the measured one",
+        "from 30 ms on, the lagged command replaces the measured speed",
     ),
     Fault(
         "motor data silent",
         "refuse",
         "land",
-        "the commanded speed replaces the measured one; the stream is requested again every 500 ms",
+        "the lagged command replaces the measured speed; the stream is requested again every 500 ms",
     ),
     Fault(
         "motor emergency",
@@ -86,7 +86,7 @@ FAULTS = (
         "command not followed",
         "refuse",
         "land",
-        "the vehicle's own watchdog holds its lowest speed when commands stop reaching it",
+        "if commands do not reach the vehicle, its own watchdog takes the rotors to their lowest speed",
     ),
     Fault(
         "thrust lost",
@@ -206,13 +206,13 @@ FAULTS = (
         "loop overrun",
         "note",
         "note",
-        "whole periods are skipped; the measured time enters the laws",
+        "the loop skips whole periods; the control laws use the measured time",
     ),
     Fault(
         "long loop overrun",
         "note",
         "hold",
-        "the vehicle's watchdog took the rotors to their lowest speed after 500 ms",
+        "after 500 ms without a command, the vehicle's own watchdog takes the rotors to their lowest speed",
     ),
     Fault(
         "link garbage",
@@ -230,7 +230,7 @@ FAULTS = (
         "link lost",
         "refuse",
         "descend",
-        "nothing reaches the vehicle; its watchdog holds the lowest speed after 500 ms and disarms 10 s later",
+        "nothing reaches the vehicle; after 500 ms its own watchdog takes the rotors to their lowest speed, and stops them 10 s later",
     ),
     Fault(
         "log lost",
@@ -302,7 +302,7 @@ FAULTS = (
         "motor data wrong",
         "refuse",
         "land",
-        "the commanded speed through the rotor's lag replaces the measured one; check the motor's telemetry",
+        "the lagged command replaces the measured speed; check the motor's telemetry",
     ),
     Fault(
         "pose frozen",
@@ -350,7 +350,7 @@ FAULTS = (
         "capture late",
         "refuse",
         "land",
-        "up to 0.3 m above the ground its motors are stopped; above it the delay that was found is subtracted from the times of the poses; measure the latency of motion capture (tilthex calibrate) and set `[mocap] latency`",
+        "up to 0.3 m above the ground its motors are stopped; above it the delay that was found is subtracted from the times of the poses; set the `[estimator] latency` that tilthex calibrate finds",
     ),
     Fault(
         "capture clock",

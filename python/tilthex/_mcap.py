@@ -1,6 +1,6 @@
 """Reads MCAP files and checks everything in them: complete files, cut files, damaged files.
 
-The checks are those of `tilthex-rt replay`: every length and check sum is tested before any data is
+The checks are those of `tilthex-rt replay`: every length and checksum is tested before any data is
 returned.
 """
 
@@ -245,14 +245,14 @@ def _take(log: Log, kind: int, body: memoryview, at: int) -> None:
         name, _, data = fields.text(), fields.text(), fields.take(fields.number(8))
         check_sum = fields.number(4)
         if check_sum and check_sum != zlib.crc32(body[:-4]):
-            raise Damaged("its check sum does not match")
+            raise Damaged("its checksum does not match")
         log.attachments[name] = bytes(data)
     elif kind == DATA_END:
         check_sum = fields.number(4)
         log.end, log.data_end = at, at + _HEAD.size + 4
         if check_sum and check_sum != zlib.crc32(log.data[:at]):
             raise Damaged(
-                f"its check sum over the bytes from 0 to {at} does not match, though each chunk's does: "
+                f"its checksum over the bytes from 0 to {at} does not match, though each chunk's does: "
                 "a record between the chunks is changed"
             )
     elif kind == FOOTER:
@@ -269,7 +269,7 @@ def _check_footer(log: Log, fields: Fields, at: int) -> None:
     if summary not in (0, begin):
         raise Damaged(f"it says that the summary begins at byte {summary}; it begins at {begin}")
     if check_sum and check_sum != zlib.crc32(log.data[begin : at + _HEAD.size + 16]):
-        raise Damaged(f"the check sum of the summary, from byte {begin} on, does not match")
+        raise Damaged(f"the checksum of the summary, from byte {begin} on, does not match")
 
 
 def _declare(log: Log, kind: int, body: memoryview) -> None:
@@ -294,7 +294,7 @@ def _check_message(log: Log, body: memoryview) -> None:
 
 
 def _chunk(body: memoryview) -> tuple[int, str, int, memoryview]:
-    """Size, compression, check sum and packed records of a chunk."""
+    """Size, compression, checksum and packed records of a chunk."""
     fields = Fields(body)
     fields.take(16)
     size, check_sum, compression = fields.number(8), fields.number(4), fields.text()
@@ -305,7 +305,7 @@ def _chunk(body: memoryview) -> tuple[int, str, int, memoryview]:
 
 
 def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> bytes:
-    """Unpacks at most the declared number of bytes, and compares the check sum."""
+    """Unpacks at most the declared number of bytes, and compares the checksum."""
     if size > MAX_CHUNK:
         raise Damaged(f"it announces {size} unpacked bytes; expected at most {MAX_CHUNK}")
     if compression == "":
@@ -319,9 +319,9 @@ def _unpack(size: int, compression: str, check_sum: int, packed: memoryview) -> 
     if len(unpacked) != size:
         more = "more" if len(unpacked) > size else "fewer"
         raise Damaged(f"it unpacks to {more} than the {size} bytes that it announces")
-    # A check sum of 0 means that there is none.
+    # A checksum of 0 means that there is none.
     if check_sum and check_sum != zlib.crc32(unpacked):
-        raise Damaged("its check sum does not match")
+        raise Damaged("its checksum does not match")
     return unpacked
 
 

@@ -184,7 +184,7 @@ impl Scan {
                 self.data_end = Some(at + RECORD_HEAD + 4);
                 if sum != 0 && sum != crc32fast::hash(&bytes[..at]) {
                     return Err(format!(
-                        "its check sum over the bytes from 0 to {at} does not match, though each chunk's does: a record \
+                        "its checksum over the bytes from 0 to {at} does not match, though each chunk's does: a record \
                          between the chunks is changed"
                     ));
                 }
@@ -201,9 +201,7 @@ impl Scan {
                 }
                 let covered = bytes.get(begin..at + RECORD_HEAD + 16).unwrap_or_default();
                 if sum != 0 && sum != crc32fast::hash(covered) {
-                    return Err(format!(
-                        "the check sum of the summary, from byte {begin} on, does not match"
-                    ));
+                    return Err(format!("the checksum of the summary, from byte {begin} on, does not match"));
                 }
             }
             _ => {}
@@ -245,7 +243,7 @@ impl Scan {
         };
         let (name, data, sum) = read().ok_or("its fields do not fit into it")?;
         if sum != 0 && sum != crc32fast::hash(&body.0[..covered]) {
-            return Err("its check sum does not match".into());
+            return Err("its checksum does not match".into());
         }
         let text =
             || String::from_utf8(data.to_vec()).map_err(|_| format!("{} is not text", name.escape_debug()));

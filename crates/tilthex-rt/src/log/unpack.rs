@@ -7,7 +7,7 @@ use super::fields::ChunkRecord;
 /// Largest chunk that is unpacked, bytes. A log of tilthex-rt has chunks of half a MiB.
 const MAX_CHUNK: u64 = 64 << 20;
 
-/// Unpacks a chunk and compares its check sum.
+/// Unpacks a chunk and compares its checksum.
 ///
 /// # Errors
 /// What is wrong with it: the part of a sentence that follows its place in the file.
@@ -28,9 +28,9 @@ pub(super) fn unpack(chunk: &ChunkRecord<'_>) -> Result<Vec<u8>, String> {
         let more = if unpacked.len() as u64 > chunk.size { "more" } else { "fewer" };
         return Err(format!("it unpacks to {more} than the {} bytes that it announces", chunk.size));
     }
-    // 0 means that there is no check sum.
+    // 0 means that there is no checksum.
     if chunk.check_sum != 0 && crc32fast::hash(&unpacked) != chunk.check_sum {
-        return Err("its check sum does not match".into());
+        return Err("its checksum does not match".into());
     }
     Ok(unpacked)
 }
