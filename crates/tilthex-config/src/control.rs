@@ -82,7 +82,7 @@ section! {
         max_translation: f64 = AdmittanceParams::default().max_translation => "m" from 0.0 to 100.0 by "set_admittance",
         /// Largest rotation of the reference from the set-point.
         max_rotation_deg: f64 = 60.0 => "degrees" from 0.0 to 177.0 by "set_admittance",
-        /// Largest speed of the reference relative to its set-point, as after a loss of contact.
+        /// Largest speed of the reference relative to its set-point, for example after a loss of contact.
         max_velocity: f64 = ReferenceBounds::default().speed => "m/s" from 1e-3 to 100.0,
         /// Largest angular velocity of the reference relative to its set-point.
         max_angular_velocity_deg: f64 = 180.0 => "degrees/s" from 0.1 to 5000.0,

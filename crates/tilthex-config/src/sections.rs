@@ -82,7 +82,7 @@ section! {
     /// Limits whose crossing is a fault; docs/faults.md says what follows.
     pub SupervisorSection as "supervisor" {
         /// The vehicle does not start, and lands, below this battery voltage; 0 for no limit, which
-        /// `tilthex-rt --port` takes only with --no-battery-limits.
+        /// `tilthex-rt --port` accepts only with --no-battery-limits.
         battery_low: f64 = 0.0 => "V" from 0.0 to 100.0,
         /// Critical battery voltage; 0 for no limit, as for `battery_low`.
         battery_critical: f64 = 0.0 => "V" from 0.0 to 100.0,
@@ -114,7 +114,7 @@ section! {
 }
 
 section! {
-    /// What an order on the control socket may ask for, besides what the vehicle can push and hold.
+    /// Limits of orders on the control socket, in addition to what the vehicle can push and hold.
     pub OrdersSection as "orders" {
         /// Largest velocity of a streamed set-point and of a route's limits.
         max_velocity: f64 = 1.5 => "m/s" from 1e-3 to 10.0,

@@ -26,8 +26,8 @@ pub const PRESETS: &[(&str, &str)] = &[
 const MAX_CHAIN: usize = 100;
 
 section! {
-    /// The vehicle. Instead of these keys, or below them, `preset = "NAME"` or
-    /// `file = "PATH"` (from this file's folder) name one; keys beside them override its own.
+    /// The vehicle. `preset = "NAME"` or `file = "PATH"` (relative to the folder of this file) takes
+    /// the keys of another vehicle; the keys that stand beside it override these.
     pub(super) Body as "vehicle" {
         /// Name of the vehicle.
         name: String = "unnamed".into(),
@@ -71,7 +71,7 @@ section! {
 }
 
 section! {
-    /// One rotor.
+    /// One rotor: a table `[[vehicle.rotors]]` for each.
     pub(super) RotorSection as "vehicle.rotors" {
         /// Centre of rotation from the centre of mass, robot frame.
         position: Axes<3> = Axes([f64::NAN; 3]) => "m",

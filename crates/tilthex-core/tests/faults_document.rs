@@ -15,13 +15,16 @@ faults_document`); a test compares the two. The number of a fault is its bit in 
 - **refuse**: on the ground, the motors do not start, or they stop.
 - **hold**: the mission's clock slows down and stops; it continues when the fault is over.
 - **land**: straight down from the reference, while the vehicle turns level; the supervisor does not take it back.
-- **descend**: level attitude and a constant rate of descent with IMU and model, without a position. If the speed is not known either,
-  the thrust is a little less than the weight. When the position returns, the reaction is *land* again.
+- **descend**: level attitude and a rate of descent with IMU and model, without a position. If the speed is not known either, the thrust
+  is less than the weight, and decreases. When the position returns, the reaction is *land* again.
 
-If several faults are active, the reaction that is furthest down in this list is taken. Motors stop only when the ground carries the
-vehicle (`flight/landing.rs` lists the signs), by a fault of the lift-off just above the ground, or by the order `kill`. If the program
-itself ends in flight, the vehicle's own watchdog takes the rotors to their lowest speed, so that the vehicle falls, and stops them later.
-Nothing on the base PC can prevent this. Therefore the program must not die: see the real-time notes in [loop.md](loop.md).
+If several faults are active, the reaction that is furthest down in this list is taken. The longer no pose comes, the faster *land* and
+*descend* go down, because the error of the estimated speed grows.
+
+Motors stop only when the ground carries the vehicle (`flight/landing.rs` lists the signs), by a fault of the lift-off just above the
+ground, or by the order `kill`. If the program itself ends in flight, the vehicle's own watchdog takes the rotors to their lowest speed, so
+that the vehicle falls, and stops them later. Nothing on the base PC can prevent this. Therefore the program must not die: see the
+real-time notes in [loop.md](loop.md).
 
 The *lagged command* is the commanded speed of a rotor after the lag of the model: the speed that the rotor should have.
 

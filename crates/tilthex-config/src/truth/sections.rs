@@ -30,7 +30,7 @@ section! {
 }
 
 section! {
-    /// What the air does, of which the controller's model has nothing. Numbers, or distributions as above.
+    /// Effects of the air, which the controller's model does not contain. Numbers, or distributions as above.
     pub AerodynamicsSection as "truth.aerodynamics" {
         /// Density of the air (ISO 2533 at sea level: 1.225).
         air_density: f64 = 1.225 => "kg/m^3" from 0.0 to 10.0,
@@ -64,7 +64,7 @@ section! {
 }
 
 section! {
-    /// What the vehicle's own parts do, of which the controller's model has nothing.
+    /// Effects of the vehicle's own parts, which the controller's model does not contain.
     pub StructureSection as "truth.structure" {
         /// Moment of inertia of a rotor with the turning part of its motor: reaction to acceleration, and gyroscopic torque.
         rotor_inertia: f64 = 0.0 => "kg m^2" from 0.0 to 1.0,
