@@ -1,7 +1,6 @@
-"""Configurations and vehicles are values: equal, hashed, copied, pickled, and sent to other processes."""
+"""Configurations and vehicles are values: equal, hashed, copied and pickled."""
 
 import copy
-import multiprocessing
 import pickle
 
 import pytest
@@ -32,13 +31,3 @@ def test_what_differs_is_not_equal():
     assert tilthex.Config.default(heavier) != tilthex.Config.default(vehicle)
     assert len({vehicle, heavier, copy.copy(vehicle)}) == 2
     assert vehicle != "tilt-hex"
-
-
-def mass(config):
-    return config.vehicle.mass
-
-
-def test_another_process_gets_the_same():
-    config = tilthex.Config.default(tilthex.Vehicle.preset("hexarotor"))
-    with multiprocessing.get_context("spawn").Pool(1) as pool:
-        assert pool.map(mass, [config]) == [config.vehicle.mass]

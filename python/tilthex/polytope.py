@@ -163,6 +163,8 @@ def wrench_polytope(
     matrix = vehicle.allocation
     lower, upper = _limits(vehicle, lost)
     base = np.zeros(6)
+    if rotation is not None:
+        vehicle.hover_speeds(rotation)  # refuses what is not a rotation
     if hover:
         turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
         base[:3] = turn.T @ [0.0, 0.0, vehicle.mass * GRAVITY]

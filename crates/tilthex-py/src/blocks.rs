@@ -1,32 +1,38 @@
 //! The blocks of the controller, each for use alone.
 
 use crate::{
+    allocation::Allocation,
     config::Config,
     convert::{self, array1, wrench_array},
     setpoint::{Reference, Setpoint},
+    value,
     vehicle::Vehicle,
 };
 use numpy::PyArray1;
 use pyo3::prelude::*;
+use tilthex_config::{Config as Checked, VehicleSection};
 use tilthex_core::{
     Matrix3, RobotState, Wrench,
     admittance::{self, AdmittanceOutput, AdmittanceState},
     allocation::{self, AllocatorState, RotorStatus},
     pose_control::{self, PoseCommand as Command},
-    vehicle::speeds,
     wrench_observer::{self, ObserverInput, WrenchObserverState},
 };
 
 /// The pose controller; (14)-(17).
 #[pyclass(frozen, module = "tilthex")]
-pub(crate) struct PoseController(pose_control::PoseController);
+pub(crate) struct PoseController {
+    block: pose_control::PoseController,
+    config: Checked,
+}
 
 #[pymethods]
 impl PoseController {
     #[new]
     fn new(config: &Config) -> PyResult<Self> {
         let gains = config.checked.controller().pose;
-        Ok(Self(pose_control::PoseController::new(gains).map_err(convert::value_error)?))
+        let block = pose_control::PoseController::new(gains).map_err(convert::value_error)?;
+        Ok(Self { block, config: config.checked.clone() })
     }
 
     /// The accelerations that make the pose converge to the reference.
@@ -48,16 +54,64 @@ impl PoseController {
             rotation_wr: convert::rotation("rotation", rotation)?,
             angular_velocity_r: convert::vector("angular_velocity", angular_velocity)?,
         };
-        Ok(PoseCommand(self.0.step(&state, &reference.0)))
+        Ok(PoseCommand(self.block.step(&state, &reference.0)))
+    }
+
+    fn __getnewargs__(&self) -> (Config,) {
+        (Config { checked: self.config.clone() },)
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.config == other.config
+    }
+
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.config.to_toml())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("PoseController(vehicle='{}')", self.config.vehicle().name())
     }
 }
 
-/// The wanted accelerations, and the errors from which they follow.
+const COMMAND: [&str; 6] = [
+    "acceleration",
+    "angular_acceleration",
+    "position_error",
+    "velocity_error",
+    "rotation_error",
+    "angular_velocity_error",
+];
+
+/// The wanted accelerations, and the errors from which they follow; zero if they are not given.
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct PoseCommand(Command);
 
 #[pymethods]
 impl PoseCommand {
+    #[new]
+    #[pyo3(signature = (
+        acceleration, angular_acceleration, *, position_error=None, velocity_error=None, rotation_error=None,
+        angular_velocity_error=None
+    ))]
+    fn new(
+        acceleration: &Bound<'_, PyAny>,
+        angular_acceleration: &Bound<'_, PyAny>,
+        position_error: Option<&Bound<'_, PyAny>>,
+        velocity_error: Option<&Bound<'_, PyAny>>,
+        rotation_error: Option<&Bound<'_, PyAny>>,
+        angular_velocity_error: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Ok(Self(Command {
+            acceleration_w: convert::vector("acceleration", acceleration)?,
+            angular_acceleration_r: convert::vector("angular_acceleration", angular_acceleration)?,
+            position_error_w: convert::or_zero("position_error", position_error)?,
+            velocity_error_w: convert::or_zero("velocity_error", velocity_error)?,
+            rotation_error_r: convert::or_zero("rotation_error", rotation_error)?,
+            angular_velocity_error_r: convert::or_zero("angular_velocity_error", angular_velocity_error)?,
+        }))
+    }
+
     /// v_p, m/s^2, world, (3,); (14).
     #[getter]
     fn acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
@@ -93,10 +147,27 @@ impl PoseCommand {
     fn angular_velocity_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_velocity_error_r.as_slice())
     }
+
+    fn __getnewargs_ex__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        value::arguments(this, &COMMAND)
+    }
+
+    fn __eq__(this: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<bool> {
+        value::equal(this, other, &COMMAND)
+    }
+
+    fn __hash__(this: &Bound<'_, Self>) -> PyResult<isize> {
+        value::hash(this, &COMMAND)
+    }
+
+    fn __repr__(this: &Bound<'_, Self>) -> PyResult<String> {
+        value::shown(this, &COMMAND, 2)
+    }
 }
 
 /// The observer of the external wrench; (18)-(24).
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct WrenchObserver {
     block: wrench_observer::WrenchObserver,
     state: WrenchObserverState,
@@ -142,10 +213,27 @@ impl WrenchObserver {
     fn reset(&mut self) {
         self.state = WrenchObserverState::default();
     }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("WrenchObserver", "its vehicle and configuration")
+    }
+
+    fn __repr__(&self) -> String {
+        format!("WrenchObserver({} rotors)", self.count)
+    }
 }
 
 /// The admittance filter: it moves the tool's reference under a wrench; (27)-(28).
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct AdmittanceFilter {
     block: admittance::AdmittanceFilter,
     state: AdmittanceState,
@@ -200,13 +288,31 @@ impl AdmittanceFilter {
     fn limited(&self) -> bool {
         self.output.is_some_and(|o| o.limited)
     }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("AdmittanceFilter", "its configuration")
+    }
+
+    fn __repr__(&self) -> String {
+        let deviation = self.output.map_or(Wrench::ZERO.to_vector(), |o| o.deviation_w);
+        format!("AdmittanceFilter(deviation={:?})", deviation.as_slice())
+    }
 }
 
 /// From a wanted body wrench to rotor speeds within their limits; (12), (26).
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Allocator {
     block: allocation::Allocator,
-    count: usize,
+    vehicle: VehicleSection,
+    config: Option<Checked>,
 }
 
 #[pymethods]
@@ -217,7 +323,7 @@ impl Allocator {
         let params = config.map_or_else(Default::default, |c| c.checked.controller().allocation);
         let block =
             allocation::Allocator::with_params(vehicle.core(), params).map_err(convert::value_error)?;
-        Ok(Self { block, count: vehicle.core().rotor_count() })
+        Ok(Self { block, vehicle: vehicle.section.clone(), config: config.map(|c| c.checked.clone()) })
     }
 
     /// Rotor speeds for a body wrench, (6,), robot: force N, torque N m.
@@ -228,73 +334,35 @@ impl Allocator {
         &self,
         wrench: &Bound<'_, PyAny>,
         rotor_speeds: Option<&Bound<'_, PyAny>>,
-        lost: Option<Vec<usize>>,
+        lost: Option<Vec<i64>>,
         rotation: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Allocation> {
+        let count = self.vehicle.vehicle().rotor_count();
         let wrench = convert::vector("wrench", wrench)?;
         let mut status = RotorStatus::default();
         if let Some(measured) = rotor_speeds {
-            status.speeds = convert::rotors("rotor_speeds", measured, self.count)?;
+            status.speeds = convert::rotors("rotor_speeds", measured, count)?;
         }
-        status.lost = convert::rotor_set("lost", lost, self.count)?;
+        status.lost = convert::rotor_set("lost", lost, count)?;
         let rotation_wr = rotation.map_or(Ok(Matrix3::identity()), |r| convert::rotation("rotation", r))?;
         let found = self.block.step(&mut AllocatorState::default(), &wrench, &rotation_wr, &status);
-        Ok(Allocation { found, count: self.count })
-    }
-}
-
-/// The commanded rotor speeds, and the parts of the wrench that they do not produce.
-#[pyclass(frozen, module = "tilthex")]
-pub(crate) struct Allocation {
-    found: allocation::Allocation,
-    count: usize,
-}
-
-#[pymethods]
-impl Allocation {
-    /// Rotor speeds, Hz, (n,).
-    #[getter]
-    fn rotor_speeds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &speeds(&self.found.inputs).as_slice()[..self.count])
+        Ok(Allocation { found, count })
     }
 
-    /// Rotor inputs u = w |w|, Hz^2, (n,).
-    #[getter]
-    fn inputs<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &self.found.inputs.as_slice()[..self.count])
+    fn __getnewargs__(&self) -> (Vehicle, Option<Config>) {
+        let config = self.config.clone().map(|checked| Config { checked });
+        (Vehicle { section: self.vehicle.clone() }, config)
     }
 
-    /// The body wrench that the inputs produce, robot, (6,).
-    #[getter]
-    fn wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.found.wrench.as_slice())
+    fn __eq__(&self, other: &Self) -> bool {
+        self.vehicle == other.vehicle && self.config == other.config
     }
 
-    /// Whether a limit changes the inputs.
-    #[getter]
-    fn saturated(&self) -> bool {
-        self.found.saturated
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.vehicle.to_toml())
     }
 
-    /// Error of each part of the wrench by its name: N or N m.
-    #[getter]
-    fn shortfall(&self) -> std::collections::HashMap<&'static str, f64> {
-        allocation::Priority::ORDER
-            .map(allocation::Priority::name)
-            .into_iter()
-            .zip(self.found.shortfall)
-            .collect()
-    }
-
-    /// Steps of the search; 0 if no limit was active.
-    #[getter]
-    fn iterations(&self) -> u32 {
-        self.found.iterations
-    }
-
-    /// The most important part of the wrench that is not met, or None.
-    #[getter]
-    fn given_up(&self) -> Option<&'static str> {
-        self.found.given_up.map(allocation::Priority::name)
+    fn __repr__(&self) -> String {
+        format!("Allocator(vehicle='{}')", self.vehicle.name())
     }
 }

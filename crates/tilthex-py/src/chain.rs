@@ -4,6 +4,7 @@ use crate::{
     config::Config,
     convert::{self, array1},
     setpoint::Setpoint,
+    value,
     vehicle::Vehicle,
 };
 use numpy::{PyArray1, PyArrayMethods};
@@ -47,6 +48,7 @@ type ArrivedPose<'py> = (f64, f64, Bound<'py, PyAny>, Bound<'py, PyAny>);
 /// The flight of `tilthex-rt`, from measurements to rotor speeds, with its record. It has one call per control
 /// period, begins in the air, and follows the set-points that it gets.
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct Loop {
     configured: VehicleSection,
     flight: Box<Flight>,
@@ -129,12 +131,12 @@ impl Loop {
             specific_force_i: convert::vector("specific_force", specific_force)?,
             shaken: false,
         };
-        for (arrival, taken, position, rotation) in &poses {
+        for (k, (arrival, taken, position, rotation)) in poses.iter().enumerate() {
             self.poses.push_back(PoseSample {
                 time: *taken,
                 arrival: *arrival,
-                position_w: convert::vector("position of a pose", position)?,
-                rotation_wr: convert::rotation("rotation of a pose", rotation)?,
+                position_w: convert::vector(&format!("position of poses[{k}]"), position)?,
+                rotation_wr: convert::rotation(&format!("rotation of poses[{k}]"), rotation)?,
                 tracking_valid: true,
             });
         }
@@ -260,6 +262,24 @@ impl Loop {
         }
         Ok(columns)
     }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("Loop", "its configuration")
+    }
+
+    fn __repr__(&self) -> String {
+        let name = self.configured.name();
+        let Some(time) = self.last else { return format!("Loop(vehicle='{name}', not initialized)") };
+        format!("Loop(vehicle='{name}', {} at {time} s, faults={:?})", self.phase(), self.faults())
+    }
 }
 
 impl Loop {
@@ -272,6 +292,7 @@ impl Loop {
         (learn_bias, learn_model): (bool, bool),
         known: Option<KnownState>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        convert::finite("time", time)?;
         let Some(last) = self.last.replace(time) else {
             return Err(PyValueError::new_err("the loop has not begun; call initialize first"));
         };

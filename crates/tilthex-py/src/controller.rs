@@ -1,21 +1,24 @@
-//! `tilthex.Controller` and its output.
+//! `tilthex.Controller`.
 
 use crate::{
     config::Config,
-    convert::{self, array1, wrench_array},
-    setpoint::{Reference, Setpoint},
+    convert::{self, wrench_array},
+    output::Output,
+    setpoint::Setpoint,
+    value,
     vehicle::Vehicle,
 };
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use tilthex_core::{
-    RobotState, Wrench,
-    controller::{Controller as Block, ControllerInput, ControllerOutput, ControllerState},
+    RobotState,
+    controller::{Controller as Block, ControllerInput, ControllerState},
 };
 
 /// The controller of the paper's figure 5 without the estimator: wrench
 /// observer, admittance filter, pose controller, compensation, allocation.
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct Controller {
     block: Block,
     state: ControllerState,
@@ -54,7 +57,7 @@ impl Controller {
         dt: f64,
         compliant: bool,
         learn_bias: bool,
-        lost_rotors: Option<Vec<usize>>,
+        lost_rotors: Option<Vec<i64>>,
     ) -> PyResult<Output> {
         let count = self.block.vehicle().rotor_count();
         let input = ControllerInput {
@@ -76,7 +79,7 @@ impl Controller {
         let dt = convert::period(dt)?;
         self.block.prepare(dt);
         let output = self.block.step(&mut self.state, &input, dt);
-        Ok(Output { output, count })
+        Ok(Output::of(&output, count))
     }
 
     /// Resets the controller to its initial state.
@@ -103,99 +106,21 @@ impl Controller {
         self.block.set_admittance(filter);
         Ok(())
     }
-}
 
-/// The command of a tick, and the values from which it follows.
-#[pyclass(frozen, module = "tilthex")]
-pub(crate) struct Output {
-    output: ControllerOutput,
-    count: usize,
-}
-
-#[pymethods]
-impl Output {
-    /// Commanded rotor speeds, Hz, (n,).
-    #[getter]
-    fn rotor_speeds<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, &self.output.rotor_speeds.as_slice()[..self.count])
+    fn __copy__(&self) -> Self {
+        self.clone()
     }
 
-    /// External wrench at the centre of mass: force in world, torque in robot coordinates, (6,); (18)-(24).
-    #[getter]
-    fn wrench_robot<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        wrench_array(py, &self.output.wrench_robot)
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
     }
 
-    /// External wrench at the tool tip, world, bias removed, (6,); (25).
-    #[getter]
-    fn wrench_tool<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        wrench_array(py, &self.output.wrench_tool_w)
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("Controller", "its vehicle and configuration")
     }
 
-    /// External wrench at the tool tip, world, (6,), after low-pass and dead zone: the input of the admittance
-    /// filter.
-    #[getter]
-    fn wrench_admittance<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        wrench_array(py, &self.output.wrench_admittance_w)
-    }
-
-    /// Reference of the tool: pose, twist and acceleration; (27)-(28).
-    #[getter]
-    fn reference(&self) -> Setpoint {
-        Setpoint(self.output.reference)
-    }
-
-    /// Reference of the centre of mass; (29)-(30).
-    #[getter]
-    fn robot_reference(&self) -> Reference {
-        Reference(self.output.robot_reference)
-    }
-
-    /// e_p = p_r - p, m, world, (3,).
-    #[getter]
-    fn position_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.output.pose.position_error_w.as_slice())
-    }
-
-    /// v_r - v, m/s, world, (3,).
-    #[getter]
-    fn velocity_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.output.pose.velocity_error_w.as_slice())
-    }
-
-    /// e_R, robot, (3,); (15).
-    #[getter]
-    fn rotation_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.output.pose.rotation_error_r.as_slice())
-    }
-
-    /// e_w, rad/s, robot, (3,); (16).
-    #[getter]
-    fn angular_velocity_error<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.output.pose.angular_velocity_error_r.as_slice())
-    }
-
-    /// Wanted body wrench, robot, (6,).
-    #[getter]
-    fn wanted_wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.output.wanted_wrench_r.as_slice())
-    }
-
-    /// Body wrench that the commanded speeds produce, robot, (6,).
-    #[getter]
-    fn allocated_wrench<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        wrench_array(py, &Wrench::from_vector(&self.output.allocation.wrench))
-    }
-
-    /// Whether a rotor limit changes the command.
-    #[getter]
-    fn saturated(&self) -> bool {
-        self.output.allocation.saturated
-    }
-
-    /// Whether the admittance filter's excursion limit is active.
-    #[getter]
-    fn excursion_limited(&self) -> bool {
-        self.output.excursion_limited
+    fn __repr__(&self) -> String {
+        let vehicle = self.block.vehicle();
+        format!("Controller({} rotors, mass={} kg)", vehicle.rotor_count(), vehicle.mass())
     }
 }

@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyBool, PyDict};
 use tilthex_config::ConfigError;
-use tilthex_core::{Error, Matrix3, RotorVector, Wrench, so3};
+use tilthex_core::{Error, MAX_ROTORS, Matrix3, RotorVector, Vector3, Wrench, so3};
 use toml::{Table, Value};
 
 /// A `ValueError` with the sentence of the core.
@@ -71,12 +71,38 @@ fn float_array<'py>(name: &str, object: &Bound<'py, PyAny>) -> PyResult<Bound<'p
     Ok(asarray.call1((found, "float64")).map_err(no_array)?.cast_into::<PyArrayDyn<f64>>()?)
 }
 
+/// The unit of the argument that a name names, in place of the name's own words: "waypoints[0][\"position\"]" is m.
+fn unit(name: &str) -> Option<&'static str> {
+    let known = |word: &str| match word {
+        "position" | "position_error" => Some("m"),
+        "velocity" | "velocity_error" => Some("m/s"),
+        "acceleration" | "specific_force" | "accelerometer_bias" => Some("m/s^2"),
+        "angular_velocity" | "angular_velocity_error" | "gyro" | "gyro_bias" => Some("rad/s"),
+        "angular_acceleration" => Some("rad/s^2"),
+        "wrench" | "tool_wrench" | "bias" | "wrench_robot" | "wrench_tool" | "wrench_admittance"
+        | "wanted_wrench" | "allocated_wrench" => Some("N and N m"),
+        "rotor_speeds" | "rotor_command" => Some("Hz"),
+        "rotor_accelerations" => Some("Hz/s"),
+        "inputs" => Some("Hz^2"),
+        "heading" => Some("rad"),
+        "time" | "arrival" | "duration" | "hold" | "pose_delay" | "loop_delay" | "rotor_speed_age"
+        | "period" | "damping_time" | "imu_time" | "pose_time" | "pose_arrival_time" => Some("s"),
+        _ => None,
+    };
+    name.split(|c: char| !c.is_alphanumeric() && c != '_').find_map(known)
+}
+
+/// What was expected, with the unit of the argument.
+fn with_unit(name: &str, expected: &str) -> String {
+    unit(name).map_or_else(|| expected.to_owned(), |unit| format!("{expected}, {unit}"))
+}
+
 /// Reads the numbers of an array of exactly this shape, row by row, into `out`.
 fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f64]) -> PyResult<()> {
     let array = float_array(name, object)?;
     let shape = array.shape();
     if shape != expected {
-        let (found, expected) = (shape_text(shape), shape_text(expected));
+        let (found, expected) = (shape_text(shape), with_unit(name, &shape_text(expected)));
         return Err(PyValueError::new_err(format!("{name} has shape {found}; expected {expected}")));
     }
     let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
@@ -101,7 +127,7 @@ pub(crate) fn rows(
         let first = count.map_or_else(|| "n".to_owned(), |c| c.to_string());
         let rest = inner.iter().map(|n| format!(", {n}")).collect::<String>();
         let expected = if inner.is_empty() { format!("({first},)") } else { format!("({first}{rest})") };
-        let found = shape_text(shape);
+        let (found, expected) = (shape_text(shape), with_unit(name, &expected));
         return Err(PyValueError::new_err(format!("{name} has shape {found}; expected {expected}")));
     }
     let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
@@ -110,7 +136,7 @@ pub(crate) fn rows(
 
 fn not_finite(name: &str, values: &[f64]) -> PyErr {
     let worst = values.iter().find(|x| !x.is_finite()).copied().unwrap_or(f64::NAN);
-    PyValueError::new_err(format!("{name} holds {worst}; expected finite numbers"))
+    PyValueError::new_err(format!("{name} holds {worst}; expected {}", with_unit(name, "finite numbers")))
 }
 
 /// `N` finite numbers.
@@ -118,6 +144,11 @@ pub(crate) fn vector<const N: usize>(name: &str, object: &Bound<'_, PyAny>) -> P
     let mut out = SVector::<f64, N>::zeros();
     read(name, object, &[N], out.as_mut_slice())?;
     Ok(out)
+}
+
+/// Three finite numbers; zero if they are not given.
+pub(crate) fn or_zero(name: &str, given: Option<&Bound<'_, PyAny>>) -> PyResult<Vector3> {
+    given.map_or(Ok(Vector3::zeros()), |v| vector(name, v))
 }
 
 /// An `R` by `C` matrix of finite numbers.
@@ -168,8 +199,19 @@ pub(crate) fn rotors(name: &str, object: &Bound<'_, PyAny>, count: usize) -> PyR
     Ok(out)
 }
 
+/// One finite number for each rotor of a vehicle that is not known, and their count.
+pub(crate) fn all_rotors(name: &str, object: &Bound<'_, PyAny>) -> PyResult<(RotorVector, usize)> {
+    let given = rows(name, object, None, &[])?;
+    let count = given.len();
+    if count > MAX_ROTORS {
+        let expected = with_unit(name, &format!("(n,) with n up to {MAX_ROTORS}"));
+        return Err(PyValueError::new_err(format!("{name} has shape ({count},); expected {expected}")));
+    }
+    Ok((rotors(name, object, count)?, count))
+}
+
 /// Rotors, from 0, as a set of bits.
-pub(crate) fn rotor_set(name: &str, rotors: Option<Vec<usize>>, count: usize) -> PyResult<u16> {
+pub(crate) fn rotor_set(name: &str, rotors: Option<Vec<i64>>, count: usize) -> PyResult<u16> {
     let mut set = 0;
     for rotor in rotors.unwrap_or_default() {
         number(name, rotor as f64, 0.0, count as f64 - 1.0)?;
@@ -178,13 +220,29 @@ pub(crate) fn rotor_set(name: &str, rotors: Option<Vec<usize>>, count: usize) ->
     Ok(set)
 }
 
+/// A seed.
+pub(crate) fn seed(given: &Bound<'_, PyAny>) -> PyResult<u64> {
+    given.extract().map_err(|_| {
+        let expected = "expected a whole number from 0 to 2^64 - 1";
+        PyValueError::new_err(given.repr().map_or_else(
+            |_| format!("seed is no number; {expected}"),
+            |found| format!("seed is {found}; {expected}"),
+        ))
+    })
+}
+
 /// A finite number within `min..=max`.
 pub(crate) fn number(name: &str, value: f64, min: f64, max: f64) -> PyResult<f64> {
     if value.is_nan() || value < min || value > max {
-        let message = format!("{name} is {value}; expected a number from {min} to {max}");
-        return Err(PyValueError::new_err(message));
+        let expected = with_unit(name, &format!("a number from {min} to {max}"));
+        return Err(PyValueError::new_err(format!("{name} is {value}; expected {expected}")));
     }
     Ok(value)
+}
+
+/// A finite number.
+pub(crate) fn finite(name: &str, value: f64) -> PyResult<f64> {
+    if value.is_finite() { Ok(value) } else { Err(not_finite(name, &[value])) }
 }
 
 /// A period, s: positive, up to one second.

@@ -1,11 +1,14 @@
 //! Python bindings: they register classes, check shapes and convert arrays. They contain no control law.
 
+mod allocation;
 mod blocks;
 mod chain;
 mod config;
 mod controller;
 mod convert;
+mod effects;
 mod margins;
+mod output;
 mod plant;
 mod recording;
 mod setpoint;
@@ -14,7 +17,9 @@ mod so3;
 mod trajectory;
 mod truth;
 mod ukf;
+mod ukf_run;
 mod units;
+mod value;
 mod vehicle;
 
 use pyo3::prelude::*;
@@ -27,7 +32,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate_many, module)?)?;
     module.add_class::<blocks::AdmittanceFilter>()?;
-    module.add_class::<blocks::Allocation>()?;
+    module.add_class::<allocation::Allocation>()?;
     module.add_class::<blocks::Allocator>()?;
     module.add_class::<blocks::PoseCommand>()?;
     module.add_class::<blocks::PoseController>()?;
@@ -35,21 +40,21 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<chain::Loop>()?;
     module.add_class::<config::Config>()?;
     module.add_class::<controller::Controller>()?;
-    module.add_class::<controller::Output>()?;
+    module.add_class::<output::Output>()?;
     module.add_class::<margins::LoopModel>()?;
     module.add_class::<plant::Plant>()?;
     module.add_class::<setpoint::Reference>()?;
     module.add_class::<setpoint::Setpoint>()?;
     module.add_class::<trajectory::Trajectory>()?;
     module.add_class::<truth::Drawn>()?;
-    module.add_class::<truth::Effects>()?;
-    module.add_class::<truth::SensorErrors>()?;
+    module.add_class::<effects::Effects>()?;
+    module.add_class::<effects::SensorErrors>()?;
     module.add_class::<truth::Truth>()?;
     module.add_function(wrap_pyfunction!(trajectory::calibration_flight, module)?)?;
     module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
     module.add_function(wrap_pyfunction!(units::question_units, module)?)?;
     module.add_class::<ukf::Ukf>()?;
-    module.add_class::<ukf::UkfRun>()?;
+    module.add_class::<ukf_run::UkfRun>()?;
     module.add_class::<vehicle::Vehicle>()?;
     Ok(())
 }

@@ -1,12 +1,18 @@
 //! `tilthex.LoopModel`.
 
-use crate::{config::Config, convert, truth};
+use crate::{
+    config::Config,
+    convert,
+    truth::{self, Truth},
+    vehicle::Vehicle,
+};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use tilthex_config::margins::{
-    AXES, Contact, Hold, LARGEST_PEAK, LEAST_PHASE_MARGIN_DEG, LoopModel as Model,
+use tilthex_config::{
+    Config as Checked, TruthSection,
+    margins::{AXES, Contact, Hold, LARGEST_PEAK, LEAST_PHASE_MARGIN_DEG, LoopModel as Model},
 };
 
 /// Stiffness, N/m, and damping, N s/m, at the tip of a tool that is held against turning.
@@ -19,6 +25,9 @@ type DirectedRange<'py> = (Bound<'py, PyArray1<f64>>, Vec<(f64, f64)>);
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct LoopModel {
     model: Model,
+    config: Checked,
+    truth: Option<TruthSection>,
+    seed: u64,
 }
 
 #[pymethods]
@@ -26,19 +35,21 @@ impl LoopModel {
     /// The model of a configuration; with `truth`, the model of a vehicle that is drawn from it with `seed`. Delays,
     /// s, and control period are those of the configuration unless they are given.
     #[new]
-    #[pyo3(signature = (config, *, truth=None, seed=0, loop_delay=None, rotor_speed_age=None, period=None))]
+    #[pyo3(signature = (config, *, truth=None, seed=None, loop_delay=None, rotor_speed_age=None, period=None))]
     fn new(
         config: &Config,
         truth: Option<&Bound<'_, PyAny>>,
-        seed: u64,
+        seed: Option<&Bound<'_, PyAny>>,
         loop_delay: Option<f64>,
         rotor_speed_age: Option<f64>,
         period: Option<f64>,
     ) -> PyResult<Self> {
-        let mut model = match truth {
+        let seed = seed.map_or(Ok(0), convert::seed)?;
+        let truth = truth.map(|given| truth::section(Some(given))).transpose()?;
+        let mut model = match &truth {
             None => Model::of(&config.checked),
-            Some(_) => {
-                let drawn = truth::section(truth)?.draw(config.checked.vehicle(), seed);
+            Some(section) => {
+                let drawn = section.draw(config.checked.vehicle(), seed);
                 Model::of_true(&config.checked, &drawn.map_err(convert::config_error)?)
             }
         };
@@ -51,7 +62,35 @@ impl LoopModel {
         if let Some(period) = period {
             model.delays.period = convert::number("period", period, 1e-6, 0.1)?;
         }
-        Ok(Self { model })
+        Ok(Self { model, config: config.checked.clone(), truth, seed })
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<((Config,), Bound<'py, PyDict>)> {
+        let (named, delays) = (PyDict::new(py), self.model.delays);
+        let vehicle = Vehicle { section: self.config.vehicle().clone() };
+        let truth = self.truth.clone().map(|section| Truth::of(vehicle, section));
+        named.set_item("truth", truth)?;
+        named.set_item("seed", self.seed)?;
+        named.set_item("loop_delay", delays.line)?;
+        named.set_item("rotor_speed_age", delays.rotor_speeds)?;
+        named.set_item("period", delays.period)?;
+        Ok(((Config { checked: self.config.clone() },), named))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.config == other.config
+            && self.truth == other.truth
+            && self.seed == other.seed
+            && self.model.delays == other.model.delays
+    }
+
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.config.to_toml())
+    }
+
+    fn __repr__(&self) -> String {
+        let truth = self.truth.as_ref().map_or("exact", |t| t.name());
+        format!("LoopModel(vehicle='{}', truth='{truth}', seed={})", self.config.vehicle().name(), self.seed)
     }
 
     /// The axes' names, in the order of all arrays.
@@ -170,13 +209,13 @@ impl LoopModel {
     fn least_apparent_mass(
         &self,
         py: Python<'_>,
-        axis: usize,
+        axis: i64,
         stiffness: f64,
         damping_time: f64,
     ) -> PyResult<f64> {
-        if axis > 2 {
-            return Err(PyValueError::new_err(format!("axis is {axis}; expected 0, 1 or 2")));
-        }
+        let known = usize::try_from(axis).ok().filter(|axis| *axis <= 2);
+        let axis =
+            known.ok_or_else(|| PyValueError::new_err(format!("axis is {axis}; expected 0, 1 or 2")))?;
         let stiffness = convert::number("stiffness", stiffness, 0.0, 1e6)?;
         let damping_time = convert::number("damping_time", damping_time, 0.0, 10.0)?;
         Ok(py.detach(|| self.model.least_apparent_mass(axis, stiffness, damping_time)))

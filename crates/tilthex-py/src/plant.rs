@@ -2,7 +2,8 @@
 
 use crate::{
     convert::{self, array1, array2},
-    truth::Effects,
+    effects::Effects,
+    value,
     vehicle::Vehicle,
 };
 use numpy::{PyArray1, PyArray2};
@@ -15,6 +16,7 @@ use tilthex_core::{
 /// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10). It begins in a level hover. `effects` of a
 /// `Truth.draw` act on it if they are given.
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct Plant {
     block: Block,
     state: PlantState,
@@ -30,7 +32,7 @@ impl Plant {
         position: Option<&Bound<'_, PyAny>>,
         effects: Option<PyRef<'_, Effects>>,
     ) -> PyResult<Self> {
-        let position = position.map_or(Ok(Vector3::zeros()), |p| convert::vector("position", p))?;
+        let position = convert::or_zero("position", position)?;
         let Some(effects) = effects else {
             let block = Block::new(*vehicle.core());
             return Ok(Self { block, state: block.hover(position), external: Wrench::ZERO });
@@ -152,5 +154,22 @@ impl Plant {
     #[getter]
     fn kinetic_energy(&self) -> f64 {
         self.block.kinetic_energy(&self.state)
+    }
+
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("Plant", "its vehicle and position")
+    }
+
+    fn __repr__(&self) -> String {
+        let (p, v) = (self.state.robot.position_w, self.state.robot.velocity_w);
+        format!("Plant(position={:?} m, velocity={:?} m/s)", p.as_slice(), v.as_slice())
     }
 }

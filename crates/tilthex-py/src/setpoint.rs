@@ -1,16 +1,29 @@
 //! `tilthex.Setpoint` and `tilthex.Reference`.
 
-use crate::convert::{self, array1, array2, wrench_array};
+use crate::{
+    convert::{self, array1, array2, wrench_array},
+    value,
+};
 use numpy::{PyArray1, PyArray2};
 use pyo3::{exceptions::PyValueError, prelude::*};
 use tilthex_config::orders::force_axes;
-use tilthex_core::{Vector3, Wrench, force_axes::ForceAxes};
+use tilthex_core::{Wrench, force_axes::ForceAxes};
+
+const SETPOINT: [&str; 9] = [
+    "position",
+    "rotation",
+    "velocity",
+    "angular_velocity",
+    "acceleration",
+    "angular_acceleration",
+    "wrench",
+    "force_axes",
+    "surface",
+];
+const REFERENCE: [&str; 6] =
+    ["position", "rotation", "velocity", "angular_velocity", "acceleration", "angular_acceleration"];
 
 type Any<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
-
-fn or_zero(name: &str, given: Any<'_, '_>) -> PyResult<Vector3> {
-    given.map_or(Ok(Vector3::zeros()), |v| convert::vector(name, v))
-}
 
 /// The axes of a set-point along which force is controlled.
 pub(crate) fn chosen(names: &[String], surface: Any<'_, '_>) -> PyResult<ForceAxes> {
@@ -48,10 +61,10 @@ impl Setpoint {
         Ok(Self(tilthex_core::Setpoint {
             position_w: convert::vector("position", position)?,
             rotation_we: convert::rotation("rotation", rotation)?,
-            velocity_w: or_zero("velocity", velocity)?,
-            angular_velocity_w: or_zero("angular_velocity", angular_velocity)?,
-            acceleration_w: or_zero("acceleration", acceleration)?,
-            angular_acceleration_w: or_zero("angular_acceleration", angular_acceleration)?,
+            velocity_w: convert::or_zero("velocity", velocity)?,
+            angular_velocity_w: convert::or_zero("angular_velocity", angular_velocity)?,
+            acceleration_w: convert::or_zero("acceleration", acceleration)?,
+            angular_acceleration_w: convert::or_zero("angular_acceleration", angular_acceleration)?,
             wrench_w: wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?,
             force_axes: chosen(&force_axes.unwrap_or_default(), surface)?,
         }))
@@ -110,6 +123,22 @@ impl Setpoint {
     fn surface<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
         self.0.force_axes.surface_ws.map(|surface_ws| array2(py, &surface_ws)).transpose()
     }
+
+    fn __getnewargs_ex__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        value::arguments(this, &SETPOINT)
+    }
+
+    fn __eq__(this: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<bool> {
+        value::equal(this, other, &SETPOINT)
+    }
+
+    fn __hash__(this: &Bound<'_, Self>) -> PyResult<isize> {
+        value::hash(this, &SETPOINT)
+    }
+
+    fn __repr__(this: &Bound<'_, Self>) -> PyResult<String> {
+        value::shown(this, &SETPOINT, 2)
+    }
 }
 
 /// The reference of the centre of mass, which the pose controller follows. Angular rates are in the body coordinates
@@ -135,10 +164,10 @@ impl Reference {
         Ok(Self(tilthex_core::Reference {
             position_w: convert::vector("position", position)?,
             rotation_wr: convert::rotation("rotation", rotation)?,
-            velocity_w: or_zero("velocity", velocity)?,
-            angular_velocity_r: or_zero("angular_velocity", angular_velocity)?,
-            acceleration_w: or_zero("acceleration", acceleration)?,
-            angular_acceleration_r: or_zero("angular_acceleration", angular_acceleration)?,
+            velocity_w: convert::or_zero("velocity", velocity)?,
+            angular_velocity_r: convert::or_zero("angular_velocity", angular_velocity)?,
+            acceleration_w: convert::or_zero("acceleration", acceleration)?,
+            angular_acceleration_r: convert::or_zero("angular_acceleration", angular_acceleration)?,
         }))
     }
 
@@ -176,5 +205,21 @@ impl Reference {
     #[getter]
     fn angular_acceleration<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
         array1(py, self.0.angular_acceleration_r.as_slice())
+    }
+
+    fn __getnewargs_ex__<'py>(this: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        value::arguments(this, &REFERENCE)
+    }
+
+    fn __eq__(this: &Bound<'_, Self>, other: &Bound<'_, Self>) -> PyResult<bool> {
+        value::equal(this, other, &REFERENCE)
+    }
+
+    fn __hash__(this: &Bound<'_, Self>) -> PyResult<isize> {
+        value::hash(this, &REFERENCE)
+    }
+
+    fn __repr__(this: &Bound<'_, Self>) -> PyResult<String> {
+        value::shown(this, &REFERENCE, 2)
     }
 }

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::{num::NonZeroUsize, ops::ControlFlow, thread};
 use tilthex_config::{Config as Checked, TruthSection};
-use tilthex_core::{Vector3, flight::Route, plant::SensorParams};
+use tilthex_core::{flight::Route, plant::SensorParams};
 use tilthex_sim::{
     pushes::{Push, Pushes},
     simulate::{NAMES, Outcome, Record, Scenario, Start, Summary, run, run_many},
@@ -79,10 +79,10 @@ pub(crate) fn simulate<'py>(
     py: Python<'py>,
     config: &Config,
     truth: Option<&Bound<'py, PyAny>>,
-    seed: u64,
+    seed: &Bound<'py, PyAny>,
     flight: Common<'py>,
 ) -> PyResult<Columns<'py>> {
-    let scenario = flight.scenario(&config.checked, truth::section(truth)?, seed)?;
+    let scenario = flight.scenario(&config.checked, truth::section(truth)?, convert::seed(seed)?)?;
     let record = py.detach(|| run(&scenario)).map_err(convert::config_error)?;
     columns(py, &[&record], false)
 }
@@ -96,7 +96,7 @@ pub(crate) fn simulate_many<'py>(
     py: Python<'py>,
     configs: Vec<PyRef<'py, Config>>,
     truths: Vec<Option<Bound<'py, PyAny>>>,
-    seeds: Vec<u64>,
+    seeds: Vec<Bound<'py, PyAny>>,
     flight: Common<'py>,
     record: Vec<String>,
     workers: Option<usize>,
@@ -108,8 +108,9 @@ pub(crate) fn simulate_many<'py>(
     }
     let configs: Vec<Checked> = configs.iter().map(|config| config.checked.clone()).collect();
     let scenarios = configs.iter().zip(&truths).zip(&seeds);
-    let scenarios = scenarios
-        .map(|((config, truth), seed)| flight.scenario(config, truth::section(truth.as_ref())?, *seed));
+    let scenarios = scenarios.map(|((config, truth), seed)| {
+        flight.scenario(config, truth::section(truth.as_ref())?, convert::seed(seed)?)
+    });
     let scenarios = scenarios.collect::<PyResult<Vec<_>>>()?;
     let processors = thread::available_parallelism().map_or(1, NonZeroUsize::get);
     let progress = progress.map(Bound::unbind);
@@ -194,17 +195,14 @@ fn sensors(
     accelerometer_bias: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<SensorParams> {
     let n = SensorParams::EXPERIMENTS;
-    let bias = |name: &str, given: Option<&Bound<'_, PyAny>>| {
-        given.map_or(Ok(Vector3::zeros()), |b| convert::vector(name, b))
-    };
     Ok(SensorParams {
         position: scale * n.position,
         orientation: scale * n.orientation,
         gyro: scale * n.gyro,
         accelerometer: scale * n.accelerometer,
         rotor_speed: scale * n.rotor_speed,
-        gyro_bias_i: bias("gyro_bias", gyro_bias)?,
-        accelerometer_bias_i: bias("accelerometer_bias", accelerometer_bias)?,
+        gyro_bias_i: convert::or_zero("gyro_bias", gyro_bias)?,
+        accelerometer_bias_i: convert::or_zero("accelerometer_bias", accelerometer_bias)?,
         ..n
     })
 }

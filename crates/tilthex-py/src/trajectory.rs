@@ -1,28 +1,47 @@
 //! `tilthex.Trajectory`.
 
 use crate::{
-    convert::{self, array1},
+    convert::{self, array1, array2},
     setpoint::{Setpoint, chosen},
+    value,
     vehicle::Vehicle,
 };
 use numpy::PyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{IntoPyDict, PyDict};
 use tilthex_core::{
     Matrix3, Wrench, model_learning,
     trajectory::{Limits, Trajectory as Checked, Waypoint},
 };
+
+/// The arguments of the constructor: the way-points, and the limits by name.
+type Made<'py> = ((Vec<Bound<'py, PyDict>>,), Bound<'py, PyDict>);
 
 /// Way-points of the tool in six dimensions, joined by quintic polynomials that begin and end at rest.
 ///
 /// Each way-point is a dict with `position` (3,), m, world. These keys are optional: `rotation` (3, 3); `wrench` (6,)
 /// that the tool must exert; `force_axes` and `surface`, as those of `Setpoint`, which hold until the next way-point is
 /// reached; `duration`, the shortest time of the motion to the way-point, s; `hold`, s. A motion
-/// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it.
+/// takes longer than its duration if a limit, m/s, m/s^2, rad/s or rad/s^2, demands it. Trajectories with the same motion are equal.
 #[pyclass(frozen, module = "tilthex", from_py_object)]
 #[derive(Clone, Copy)]
 pub(crate) struct Trajectory(pub(crate) Checked);
+
+impl Trajectory {
+    /// The limits of a trajectory whose motions have their durations: they make none of them longer.
+    const WIDEST: [(&str, f64); 4] = [
+        ("velocity", 100.0),
+        ("acceleration", 1e3),
+        ("angular_velocity", 100.0),
+        ("angular_acceleration", 1e4),
+    ];
+
+    /// The first way-point, whose own duration does not count, and the others.
+    fn points(&self) -> impl Iterator<Item = Waypoint> + '_ {
+        std::iter::once(Waypoint { duration: 0.0, ..*self.0.start() }).chain(self.0.waypoints())
+    }
+}
 
 #[pymethods]
 impl Trajectory {
@@ -60,10 +79,45 @@ impl Trajectory {
         array1(py, &self.0.begins().collect::<Vec<_>>())
     }
 
+    /// The way-points, each a dict as the constructor takes it; `duration` is that of the motion to it.
+    #[getter]
+    fn waypoints<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let point = |p: Waypoint| {
+            let keys = PyDict::new(py);
+            keys.set_item("position", array1(py, p.position_w.as_slice()))?;
+            keys.set_item("rotation", array2(py, &p.rotation_we)?)?;
+            keys.set_item("wrench", convert::wrench_array(py, &p.wrench_w))?;
+            keys.set_item("force_axes", p.force_axes.names().collect::<Vec<_>>())?;
+            if let Some(surface_ws) = &p.force_axes.surface_ws {
+                keys.set_item("surface", array2(py, surface_ws)?)?;
+            }
+            keys.set_item("duration", p.duration)?;
+            keys.set_item("hold", p.hold)?;
+            Ok(keys)
+        };
+        self.points().map(point).collect()
+    }
+
     /// The set-point at `time` seconds from the start. Before the start it is the first one, after the end the last
     /// one.
     fn sample(&self, time: f64) -> PyResult<Setpoint> {
         Ok(Setpoint(self.0.sample(convert::number("time", time, -1e12, 1e12)?)))
+    }
+
+    fn __getnewargs_ex__<'py>(&self, py: Python<'py>) -> PyResult<Made<'py>> {
+        Ok(((self.waypoints(py)?,), Self::WIDEST.into_py_dict(py)?))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.points().eq(other.points())
+    }
+
+    fn __hash__(this: &Bound<'_, Self>) -> PyResult<isize> {
+        value::hash(this, &["duration", "begins"])
+    }
+
+    fn __repr__(&self) -> String {
+        format!("Trajectory({} way-points, {} s)", self.points().count(), self.0.duration())
     }
 }
 

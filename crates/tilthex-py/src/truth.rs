@@ -2,6 +2,7 @@
 
 use crate::{
     convert::{self, array1},
+    effects::{Effects, SensorErrors},
     vehicle::Vehicle,
 };
 use numpy::PyArray1;
@@ -12,14 +13,12 @@ use std::path::PathBuf;
 use tilthex_config::{TrueVehicle, TruthSection};
 use tilthex_core::{
     RobotState, RotorVector, Vector3,
-    plant::{
-        Effects as EffectsBlock, EffectsState, ImuSample, Plant as PlantBlock, PlantState, Rotors,
-        SensorParams, Sensors,
-    },
+    plant::{EffectsState, Plant as PlantBlock, PlantState, SensorParams, Sensors},
 };
 
 /// How the simulated vehicle differs from the model of the controller.
 #[pyclass(frozen, module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct Truth {
     model: Vehicle,
     section: TruthSection,
@@ -45,12 +44,36 @@ pub(crate) fn section(truth: Option<&Bound<'_, PyAny>>) -> PyResult<TruthSection
     Err(PyTypeError::new_err(sentence))
 }
 
+impl Truth {
+    pub(crate) fn of(model: Vehicle, section: TruthSection) -> Self {
+        Self { model, section }
+    }
+}
+
 #[pymethods]
 impl Truth {
     #[new]
     #[pyo3(signature = (vehicle, truth=None))]
     fn new(vehicle: &Vehicle, truth: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
         Ok(Self { model: vehicle.clone(), section: section(truth)? })
+    }
+
+    /// The truth in the output of `to_toml`.
+    #[staticmethod]
+    fn from_text(vehicle: &Vehicle, text: &str) -> PyResult<Self> {
+        let section = TruthSection::from_text(text).map_err(convert::config_error)?;
+        Ok(Self { model: vehicle.clone(), section })
+    }
+
+    /// The complete `[truth]` table as TOML, without its vehicle.
+    fn to_toml(&self) -> String {
+        self.section.to_toml()
+    }
+
+    /// The vehicle of the controller, from which the true one differs.
+    #[getter]
+    fn vehicle(&self) -> Vehicle {
+        self.model.clone()
     }
 
     /// The names of the levels.
@@ -66,8 +89,22 @@ impl Truth {
     }
 
     /// Draws a vehicle with a seed.
-    fn draw(&self, seed: u64) -> PyResult<Drawn> {
-        Ok(Drawn { is: self.section.draw(&self.model.section, seed).map_err(convert::config_error)? })
+    fn draw(&self, seed: &Bound<'_, PyAny>) -> PyResult<Drawn> {
+        let seed = convert::seed(seed)?;
+        let is = self.section.draw(&self.model.section, seed).map_err(convert::config_error)?;
+        Ok(Drawn { is, truth: self.clone() })
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Vehicle, String))> {
+        Ok((py.get_type::<Self>().getattr("from_text")?, (self.model.clone(), self.to_toml())))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.model.section == other.model.section && self.section == other.section
+    }
+
+    fn __hash__(&self) -> u64 {
+        convert::hash(&self.to_toml())
     }
 
     fn __repr__(&self) -> String {
@@ -79,6 +116,7 @@ impl Truth {
 #[pyclass(frozen, module = "tilthex")]
 pub(crate) struct Drawn {
     pub(crate) is: TrueVehicle,
+    truth: Truth,
 }
 
 #[pymethods]
@@ -170,154 +208,20 @@ impl Drawn {
         self.is.to_toml()
     }
 
+    fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, (Truth, u64))> {
+        Ok((py.import("tilthex._copied")?.getattr("drawn")?, (self.truth.clone(), self.is.seed)))
+    }
+
+    fn __eq__(&self, other: &Self) -> bool {
+        self.is == other.is && self.truth.__eq__(&other.truth)
+    }
+
+    fn __hash__(&self) -> u64 {
+        self.is.seed
+    }
+
     fn __repr__(&self) -> String {
         let v = self.is.vehicle.vehicle();
         format!("Drawn(vehicle='{}', seed={}, mass={:.4} kg)", self.is.vehicle.name(), self.is.seed, v.mass())
-    }
-}
-
-/// The effects on a vehicle in addition to the nominal wrench of its rotors and its weight.
-#[pyclass(module = "tilthex")]
-pub(crate) struct Effects {
-    vehicle: tilthex_core::Vehicle,
-    pub(crate) block: EffectsBlock,
-    pub(crate) state: EffectsState,
-}
-
-#[pymethods]
-impl Effects {
-    /// Whether there is no effect, neither on the airframe nor on the motors.
-    #[getter]
-    fn off(&self) -> bool {
-        self.block.are_off() && self.block.throttle_voltage == 0.0
-    }
-
-    /// Velocity of the air at the vehicle, m/s, world, (3,).
-    #[getter]
-    fn wind<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.block.wind.velocity(&self.state.wind).as_slice())
-    }
-
-    /// Voltage of the battery, V.
-    #[getter]
-    fn voltage(&self) -> f64 {
-        self.state.battery.voltage()
-    }
-
-    /// The speeds to which the motors drive their rotors under a command, Hz, (n,).
-    fn reached<'py>(
-        &self,
-        py: Python<'py>,
-        rotor_command: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let count = self.vehicle.rotor_count();
-        let command = convert::rotors("rotor_command", rotor_command, count)?;
-        Ok(array1(py, &self.block.reached(&self.state, &command).as_slice()[..count]))
-    }
-
-    /// The wrench on the airframe in a state, in addition to the nominal wrench of the rotors, (6,): force in world,
-    /// torque in robot coordinates, at the centre of mass. Then `dt` seconds pass.
-    #[expect(clippy::too_many_arguments, reason = "a state")]
-    fn step<'py>(
-        &mut self,
-        py: Python<'py>,
-        position: &Bound<'py, PyAny>,
-        velocity: &Bound<'py, PyAny>,
-        rotation: &Bound<'py, PyAny>,
-        angular_velocity: &Bound<'py, PyAny>,
-        rotor_speeds: &Bound<'py, PyAny>,
-        rotor_accelerations: &Bound<'py, PyAny>,
-        dt: f64,
-    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let count = self.vehicle.rotor_count();
-        let robot = RobotState {
-            position_w: convert::vector("position", position)?,
-            velocity_w: convert::vector("velocity", velocity)?,
-            rotation_wr: convert::rotation("rotation", rotation)?,
-            angular_velocity_r: convert::vector("angular_velocity", angular_velocity)?,
-        };
-        let rotors = Rotors {
-            speeds: convert::rotors("rotor_speeds", rotor_speeds, count)?,
-            accelerations: convert::rotors("rotor_accelerations", rotor_accelerations, count)?,
-        };
-        let dt = convert::period(dt)?;
-        let wind_w = self.block.wind.velocity(&self.state.wind);
-        let mut wrench = self.block.wrench(&self.vehicle, &robot, &rotors, &wind_w);
-        wrench.force = robot.rotation_wr * wrench.force;
-        self.block.step(&mut self.state, &robot, &rotors, dt);
-        Ok(convert::wrench_array(py, &wrench))
-    }
-}
-
-/// The errors of a vehicle's sensors, apart from noise: biases, scale and axes of the gyroscope, vibration, the age
-/// of the rotor speeds, and the place of the captured body.
-#[pyclass(module = "tilthex")]
-pub(crate) struct SensorErrors {
-    plant: PlantBlock,
-    state: PlantState,
-    params: SensorParams,
-    sensors: Sensors,
-}
-
-type Sample<'py> = (Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>);
-
-#[pymethods]
-impl SensorErrors {
-    /// The captured point from the true centre of mass, m, robot, (3,).
-    #[getter]
-    fn captured<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        array1(py, self.params.captured_r.as_slice())
-    }
-
-    /// The constant errors, (17,): bias of the gyroscope, rad/s, and of the accelerometer, m/s^2, scale and
-    /// misalignment of the gyroscope (3 each, IMU axes), vibration, m/s^2, the captured point (3), m, the age of the
-    /// rotor speeds, s.
-    #[getter]
-    fn constants<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let p = &self.params;
-        let mut all = Vec::with_capacity(17);
-        for v in [p.gyro_bias_i, p.accelerometer_bias_i, p.gyro_scale_i, p.gyro_misalignment_i] {
-            all.extend(v.iter());
-        }
-        all.push(p.vibration);
-        all.extend(p.captured_r.iter());
-        all.push(p.rotor_speed_age);
-        array1(py, &all)
-    }
-
-    /// Whether the errors depend on earlier rotor speeds, so that [`SensorErrors.step`] is needed.
-    #[getter]
-    fn remembers(&self) -> bool {
-        self.params.vibration != 0.0 || self.params.rotor_speed_age != 0.0
-    }
-
-    /// Lets `dt` seconds pass, at the end of which the rotors have these speeds, Hz, (n,).
-    fn step(&mut self, rotor_speeds: &Bound<'_, PyAny>, dt: f64) -> PyResult<()> {
-        let count = self.plant.vehicle().rotor_count();
-        self.state.rotor_speeds = convert::rotors("rotor_speeds", rotor_speeds, count)?;
-        self.sensors.pass(&self.plant, &self.state, convert::period(dt)?);
-        Ok(())
-    }
-
-    /// The values of gyroscope, rad/s, and accelerometer, m/s^2, if perfect sensors have these values; IMU axes,
-    /// (3,).
-    fn imu<'py>(
-        &mut self,
-        py: Python<'py>,
-        gyro: &Bound<'py, PyAny>,
-        specific_force: &Bound<'py, PyAny>,
-    ) -> PyResult<Sample<'py>> {
-        let truth = ImuSample {
-            gyro_i: convert::vector("gyro", gyro)?,
-            specific_force_i: convert::vector("specific_force", specific_force)?,
-        };
-        let said = self.sensors.imu(&truth);
-        Ok((array1(py, said.gyro_i.as_slice()), array1(py, said.specific_force_i.as_slice())))
-    }
-
-    /// Measured rotor speeds without noise, Hz, (n,).
-    fn rotor_speeds<'py>(&mut self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let measured = self.sensors.rotor_speeds(&self.plant, &self.state);
-        array1(py, &measured.as_slice()[..self.plant.vehicle().rotor_count()])
     }
 }

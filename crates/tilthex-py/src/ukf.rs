@@ -1,11 +1,12 @@
-//! `tilthex.Ukf` and the return value of its `run`.
+//! `tilthex.Ukf`.
 
 use crate::{
     config::Config,
     convert::{self, array1, array2, value_error},
-    units,
+    ukf_run::{Tracks, UkfRun},
+    units, value,
 };
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayDyn, PyArrayMethods};
+use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -16,6 +17,7 @@ use tilthex_core::{
 
 /// The state estimator: an unscented Kalman filter on SO(3) x R^12 for inertial samples and late poses.
 #[pyclass(module = "tilthex")]
+#[derive(Clone)]
 pub(crate) struct Ukf {
     block: Box<Estimator>,
 }
@@ -62,7 +64,7 @@ impl Ukf {
     ) -> PyResult<()> {
         let gyro = convert::vector("gyro", gyro)?;
         let specific_force = convert::vector("specific_force", specific_force)?;
-        self.block.predict(finite("time", time)?, &gyro, &specific_force);
+        self.block.predict(convert::finite("time", time)?, &gyro, &specific_force);
         Ok(())
     }
 
@@ -77,8 +79,8 @@ impl Ukf {
         arrival: Option<f64>,
     ) -> PyResult<&'static str> {
         let pose = PoseSample {
-            time: finite("time", time)?,
-            arrival: finite("arrival", arrival.unwrap_or(time))?,
+            time: convert::finite("time", time)?,
+            arrival: convert::finite("arrival", arrival.unwrap_or(time))?,
             position_w: convert::vector("position", position)?,
             rotation_wr: convert::near_rotation("rotation", rotation)?,
             tracking_valid: true,
@@ -146,7 +148,7 @@ impl Ukf {
         let samples = Samples { time: &imu_time, gyro: &gyro, specific_force: &specific_force };
         let block = &mut self.block;
         let tracks = py.detach(|| run(block, &samples, &poses, covariance));
-        UkfRun::new(py, tracks, n, m)
+        UkfRun::of(py, tracks, n, m)
     }
 
     /// Time of the newest sample, s.
@@ -245,13 +247,21 @@ impl Ukf {
         Ok(dict)
     }
 
+    fn __copy__(&self) -> Self {
+        self.clone()
+    }
+
+    fn __deepcopy__(&self, _memo: &Bound<'_, PyAny>) -> Self {
+        self.clone()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        value::not_pickled("Ukf", "its configuration")
+    }
+
     fn __repr__(&self) -> String {
         format!("Ukf({} at {} s)", self.block.health().status.name(), self.block.time())
     }
-}
-
-fn finite(name: &str, value: f64) -> PyResult<f64> {
-    convert::number(name, value, f64::MIN, f64::MAX)
 }
 
 /// The inertial samples of a run, row by row.
@@ -259,21 +269,6 @@ struct Samples<'a> {
     time: &'a [f64],
     gyro: &'a [f64],
     specific_force: &'a [f64],
-}
-
-/// The estimates of a run, row by row.
-#[derive(Default)]
-struct Tracks {
-    position: Vec<f64>,
-    velocity: Vec<f64>,
-    rotation: Vec<f64>,
-    gyro_bias: Vec<f64>,
-    accelerometer_bias: Vec<f64>,
-    covariance: Option<Vec<f64>>,
-    innovation: Vec<f64>,
-    deviation: Vec<f64>,
-    nis: Vec<f64>,
-    outcome: Vec<&'static str>,
 }
 
 impl Tracks {
@@ -343,49 +338,4 @@ fn run(estimator: &mut Estimator, samples: &Samples<'_>, poses: &[PoseSample], c
         tracks.push_state(estimator);
     }
     tracks
-}
-
-/// The estimates of a run at every inertial sample, and the innovation and outcome of every pose.
-#[pyclass(frozen, get_all, module = "tilthex")]
-pub(crate) struct UkfRun {
-    /// Position of the centre of mass, m, world, (n, 3).
-    position: Py<PyArrayDyn<f64>>,
-    /// Velocity of the centre of mass, m/s, world, (n, 3).
-    velocity: Py<PyArrayDyn<f64>>,
-    /// Rotations R_WR, (n, 3, 3).
-    rotation: Py<PyArrayDyn<f64>>,
-    /// Bias of the gyro, rad/s, IMU, (n, 3).
-    gyro_bias: Py<PyArrayDyn<f64>>,
-    /// Bias of the accelerometer, m/s^2, IMU, (n, 3).
-    accelerometer_bias: Py<PyArrayDyn<f64>>,
-    /// Covariances as of `Ukf.covariance`, (n, 15, 15), or None.
-    covariance: Option<Py<PyArrayDyn<f64>>>,
-    /// Innovations of the IMU's pose: position in m, rotation in rad, world, (m, 6); NaN where not applied.
-    innovation: Py<PyArrayDyn<f64>>,
-    /// Predicted standard deviations of the innovations, (m, 6).
-    innovation_deviation: Py<PyArrayDyn<f64>>,
-    /// Normalised innovation squared, chi-square with 6 degrees of freedom, (m,).
-    nis: Py<PyArrayDyn<f64>>,
-    /// The outcome of each pose.
-    outcome: Vec<&'static str>,
-}
-
-impl UkfRun {
-    fn new(py: Python<'_>, tracks: Tracks, n: usize, m: usize) -> PyResult<Self> {
-        let shaped = |values: Vec<f64>, shape: Vec<usize>| -> PyResult<Py<PyArrayDyn<f64>>> {
-            Ok(values.into_pyarray(py).reshape(shape)?.unbind())
-        };
-        Ok(Self {
-            position: shaped(tracks.position, vec![n, 3])?,
-            velocity: shaped(tracks.velocity, vec![n, 3])?,
-            rotation: shaped(tracks.rotation, vec![n, 3, 3])?,
-            gyro_bias: shaped(tracks.gyro_bias, vec![n, 3])?,
-            accelerometer_bias: shaped(tracks.accelerometer_bias, vec![n, 3])?,
-            covariance: tracks.covariance.map(|c| shaped(c, vec![n, 15, 15])).transpose()?,
-            innovation: shaped(tracks.innovation, vec![m, 6])?,
-            innovation_deviation: shaped(tracks.deviation, vec![m, 6])?,
-            nis: shaped(tracks.nis, vec![m])?,
-            outcome: tracks.outcome,
-        })
-    }
 }

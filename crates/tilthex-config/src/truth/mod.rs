@@ -112,11 +112,41 @@ impl TruthSection {
     /// Says what is wrong, with the file's name.
     pub fn from_file(path: &Path) -> Result<Self, ConfigError> {
         let read = || {
-            let mut found = Self::from_table(truth_of_text(&super::read_file(path)?)?)?;
+            let mut found = Self::from_text(&super::read_file(path)?)?;
             found.name = path.display().to_string();
             Ok(found)
         };
         read().map_err(|e: ConfigError| e.within(path.display()))
+    }
+
+    /// The `[truth]` of a text of TOML.
+    ///
+    /// # Errors
+    /// Says what is wrong.
+    pub fn from_text(text: &str) -> Result<Self, ConfigError> {
+        Self::from_table(truth_of_text(text)?)
+    }
+
+    /// The complete table as TOML, from which [`from_text`](Self::from_text) reads the same.
+    #[must_use]
+    pub fn to_toml(&self) -> String {
+        let mut table = Table::new();
+        table.insert("name".into(), Value::String(self.name.clone()));
+        let errors = Table::try_from(&self.errors).expect("numbers and tables of them are TOML");
+        let parts = [
+            ("vehicle", &self.vehicle),
+            ("error", &errors),
+            ("aerodynamics", &self.aerodynamics),
+            ("structure", &self.structure),
+            ("sensors", &self.sensors),
+            ("delays", &self.delays),
+        ];
+        for (key, part) in parts {
+            table.insert(key.into(), Value::Table(part.clone()));
+        }
+        let mut whole = Table::new();
+        whole.insert("truth".into(), Value::Table(table));
+        whole.to_string()
     }
 
     /// Reads the table.
