@@ -9,9 +9,10 @@
 # %% [markdown]
 # # Your own controller
 #
-# Each block of the controller is a class of its own, with a `step`. So one block can be replaced, here
-# the admittance filter: a law of your own in Python, between the wrench observer, the pose controller and
-# the allocator of the package. It flies the simulated body of `tilthex.Plant`.
+# Each block of the controller is a class of its own, with a `step`. `tilthex.chain.Chain` joins them, and
+# takes an object of your own in the place of any of them: observer, admittance, pose controller, allocator.
+# Here it is the admittance: a law in Python, between the blocks of the package. It flies the simulated body
+# of `tilthex.Plant`, and then an experiment in MuJoCo.
 
 # %%
 from dataclasses import dataclass, field
@@ -19,24 +20,26 @@ from dataclasses import dataclass, field
 import matplotlib.pyplot as plt
 import numpy as np
 import tilthex
+from tilthex.chain import Chain
 
 DT = 0.002
 vehicle = tilthex.Vehicle.preset("tilt-hex")
 config = tilthex.Config.default(vehicle)
-LEVEL, HOME = np.eye(3), np.array([0.0, 0.0, 1.0])
+home = tilthex.Setpoint(position=[0.0, 0.0, 1.0], rotation=np.eye(3))
 
 # %% [markdown]
 # ## The law
 #
 # A mass with a damper, and a spring that saturates: beyond the force `largest` the tool gives way, so a
-# strong push never meets more than this force.
+# strong push never meets more than this force. The place of the admittance filter gets the set-point and
+# the wrench at the tool (N, N m, world), and returns the reference of the tool.
 
 # %%
 
 
 @dataclass
 class GivesWay:
-    """Moves the reference of the centre of mass under a force; SI, world axes."""
+    """Moves the reference of the tool under a force; SI, world axes."""
 
     mass: float = 2.0
     damping: float = 12.0
@@ -45,69 +48,85 @@ class GivesWay:
     offset: np.ndarray = field(default_factory=lambda: np.zeros(3))
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def step(self, force: np.ndarray) -> tilthex.Reference:
+    def step(self, setpoint: tilthex.Setpoint, wrench: np.ndarray, dt: float) -> tilthex.Setpoint:
         """The reference after one period."""
         spring = self.stiffness * self.offset
         size = np.linalg.norm(spring)
         if size > self.largest:
             spring *= self.largest / size
-        acceleration = (force - self.damping * self.velocity - spring) / self.mass
-        self.velocity = self.velocity + DT * acceleration
-        self.offset = self.offset + DT * self.velocity
-        return tilthex.Reference(
-            position=HOME + self.offset, rotation=LEVEL, velocity=self.velocity, acceleration=acceleration
+        acceleration = (wrench[:3] - self.damping * self.velocity - spring) / self.mass
+        self.velocity = self.velocity + dt * acceleration
+        self.offset = self.offset + dt * self.velocity
+        return tilthex.Setpoint(
+            setpoint.position + self.offset,
+            setpoint.rotation,
+            velocity=setpoint.velocity + self.velocity,
+            acceleration=setpoint.acceleration + acceleration,
         )
 
 
 # %% [markdown]
-# ## The loop around it
+# ## In the simulated body
 #
-# The observer gives the external wrench at the centre of mass (force in world, torque in robot axes). The
-# pose controller gives accelerations. The wanted wrench in robot axes is mass and inertia times these,
-# plus the weight, minus the observed wrench; the allocator turns it into rotor speeds.
+# `Chain.step` takes the measurements of a tick and returns a `tilthex.Output`, as `tilthex.Controller.step`
+# does.
 
 
 # %%
-def fly(law: GivesWay, push: np.ndarray, seconds: float = 12.0) -> tuple[np.ndarray, np.ndarray]:
-    """Time, s, (N,), and deviation of the centre of mass, m, (N, 3)."""
-    plant = tilthex.Plant(vehicle, position=HOME)
-    observer = tilthex.WrenchObserver(vehicle, config)
-    pose, allocator = tilthex.PoseController(config), tilthex.Allocator(vehicle, config)
-    gravity = np.array([0.0, 0.0, tilthex.GRAVITY])
+def fly(law: GivesWay, push: float, seconds: float = 12.0) -> tuple[np.ndarray, np.ndarray]:
+    """Time, s, (N,), and deviation of the tool, m, (N, 3), under a push along x, N, from 1 to 5 s."""
+    plant = tilthex.Plant(vehicle, position=home.position - vehicle.tool_position)
+    controller = Chain(vehicle, config, admittance=law)
     rows = []
     for k in range(round(seconds / DT)):
-        r, w = plant.rotation, plant.angular_velocity
-        external = observer.step(
-            rotation=r,
-            angular_velocity=w,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
-            dt=DT,
-        )
-        command = pose.step(
+        output = controller.step(
             position=plant.position,
             velocity=plant.velocity,
-            rotation=r,
-            angular_velocity=w,
-            reference=law.step(external[:3]),
+            rotation=plant.rotation,
+            angular_velocity=plant.angular_velocity,
+            specific_force=plant.specific_force,
+            rotor_speeds=plant.rotor_speeds,
+            setpoint=home,
+            dt=DT,
         )
-        force = vehicle.mass * (command.acceleration + gravity) - external[:3]
-        torque = vehicle.inertia @ command.angular_acceleration + np.cross(w, vehicle.inertia @ w)
-        wanted = np.r_[r.T @ force, torque - external[3:]]
-        speeds = allocator.allocate(wanted, plant.rotor_speeds, rotation=r).rotor_speeds
-        pushed = 1.0 < k * DT < 5.0
-        plant.step(speeds, wrench=np.r_[push, 0, 0, 0] if pushed else None, dt=DT)
-        rows.append(plant.position - HOME)
+        pushed = [push if 1.0 < k * DT < 5.0 else 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+        plant.step(output.rotor_speeds, tool_wrench=pushed, dt=DT)
+        rows.append(plant.tool_position - home.position)
     return DT * np.arange(len(rows)), np.array(rows)
 
 
 # %%
 for force in (0.5, 0.9, 1.5):
-    time, deviation = fly(GivesWay(), np.array([force, 0.0, 0.0]))
+    time, deviation = fly(GivesWay(), force)
     plt.plot(time, deviation[:, 0], label=f"push of {force:g} N")
 plt.axhline(0.1, color="0.6", ls=":", label="the spring saturates")
 plt.xlabel("time (s)")
-plt.ylabel("position along x (m)")
+plt.ylabel("position of the tool along x (m)")
+plt.legend()
+plt.show()
+
+# %% [markdown]
+# ## In an experiment
+#
+# `tilthex.experiments.flight.fly` takes a controller too: a `Chain`, or any object whose `step` returns a
+# `tilthex.Output`. It gets the true state of the world in MuJoCo; the package's judges and figures work as
+# ever. Here the law presses the tilted board of the experiment *sliding*, with the configuration of its file.
+
+# %%
+from tilthex.experiments import flight, spec  # noqa: E402
+
+way = [
+    {"phase": "approach", "position": [0.0, 0.0, 0.5], "hold": 0.5},
+    {"phase": "contact", "position": [0.0, 0.0, 0.3], "duration": 5.0, "hold": 1.0},
+]
+run = spec.load("sliding", changes={"trajectory": {"waypoint": way}}).runs[0]
+of_file = tilthex.Config.default(run.model()).replace(**run.config)
+record = flight.fly(run, controller=Chain(run.model(), of_file, admittance=GivesWay()))
+force = np.linalg.norm(record.true_wrench[:, :3], axis=1)
+plt.plot(record.time[24:], np.convolve(force, np.full(25, 1 / 25), mode="valid"))
+plt.axhline(1.0, color="0.6", ls=":", label="the spring saturates")
+plt.xlabel("time (s)")
+plt.ylabel("contact force, mean over 50 ms (N)")
 plt.legend()
 plt.show()
 

@@ -1,5 +1,7 @@
 """The environments pass Gymnasium's own checks, and many worlds are as many single ones."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tilthex
@@ -105,3 +107,11 @@ def test_another_vehicle_flies():
     config = tilthex.Config.default(tilthex.Vehicle.preset("omnidirectional-octorotor"))
     env = gym.Flight(config=config, action="wrench", truth="exact", **SHORT)
     assert env.reset(seed=1)[0].shape == (29,) and env.step(np.zeros(6))[0].shape == (29,)
+
+
+def test_the_page_runs():
+    page = Path(__file__).parent.parent / "docs/howto/gym.md"
+    code = page.read_text().split("```python\n")[1].split("```")[0]
+    names = {}
+    exec(code, names)
+    assert names["observations"].shape == (4, 27) and not names["truncated"]

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 import tilthex
+from tilthex.experiments.own import Controller, Own
 from tilthex.experiments.plan import make
 from tilthex.experiments.record import Record, Vector
 from tilthex.experiments.spec import Run
@@ -22,20 +23,28 @@ LIFT = 0.4
 """The calibration is flown this far above the start, m, because its tilts move the tool by 0.1 m."""
 
 
-def fly(run: Run, *, exact: bool = False, progress: Progress | None = None) -> Record:
+def fly(
+    run: Run, *, exact: bool = False, progress: Progress | None = None, controller: Controller | None = None
+) -> Record:
     """Flies a run and returns its record, which begins after the calibration.
 
     Args:
         run: The run.
         exact: Whether the controller gets the true state instead of the estimator's.
         progress: Called with the number of periods since its last call.
+        controller: A controller of your own in place of the package's. It gets the true state; nothing is
+            calibrated, and no supervisor watches it.
     """
-    chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
+    chain: tilthex.Loop | Own
+    if controller is None:
+        chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
+    else:
+        chain, exact = Own(controller), True
     drawn = run.drawn()
     vehicle = drawn.vehicle
     plan = make(run)
     start = plan.setpoints[0]
-    hovers, way_down = calibration(run, start)
+    hovers, way_down = calibration(run, start) if controller is None else ([], [])
     first = hovers[0] if hovers else start
     world = World(
         vehicle,
@@ -121,7 +130,7 @@ def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoin
 
 
 def _step(
-    chain: tilthex.Loop,
+    chain: tilthex.Loop | Own,
     world: World,
     setpoint: tilthex.Setpoint,
     exact: bool,
@@ -130,7 +139,7 @@ def _step(
     learn_model: bool = False,
 ) -> Vector:
     """One control period of the controller in this world: commanded rotor speeds, Hz, (n,)."""
-    if exact:
+    if exact or isinstance(chain, Own):
         return chain.step_from(
             world.time,
             position=world.captured_position,
