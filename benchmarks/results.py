@@ -69,18 +69,35 @@ PAGES = (
     Page(
         "model",
         "Vehicles that are not their model, after the calibration flight",
-        (
-            "python -m benchmarks.false_contact --seeds 100 --first 1000",
-            *(
-                f"tilthex experiment {name} --truth {truth} --calibration tilts --out out/results/{truth}"
-                for truth in ("measured", "cad")
-                for name in (
-                    "shaping --seed 4011",
-                    "sliding --seed 4012",
-                    "multi-contact --seed 4013",
-                    "peg-in-hole --random 100 --seed 4014",
-                )
-            ),
+        tuple(
+            f"tilthex experiment {name} --truth {truth} --calibration tilts --out out/results/{truth}"
+            for truth in ("measured", "cad")
+            for name in (
+                "shaping --seed 4011",
+                "sliding --seed 4012",
+                "multi-contact --seed 4013",
+                "peg-in-hole --random 100 --seed 4014",
+            )
+        ),
+    ),
+    Page(
+        "false_contact",
+        "False contact of vehicles that are not their model",
+        ("python -m benchmarks.false_contact --seeds 100 --first 3000",),
+    ),
+    Page(
+        "wind",
+        "Vehicles from their drawings in a wind of 3 m/s with gusts, after the calibration flight",
+        tuple(
+            f"tilthex experiment {name} --truth benchmarks/cad-wind.toml --calibration tilts "
+            "--set config.contact.discrimination=true --set config.contact.rotor_drag=2.3e-4 "
+            "--set 'config.contact.drag_area=[0.03,0.03,0.08]' --out out/results/wind"
+            for name in (
+                "shaping --short --seed 4021",
+                "sliding --seed 4022",
+                "multi-contact --seed 4023",
+                "peg-in-hole --random 100 --seed 4024",
+            )
         ),
     ),
     Page(

@@ -307,6 +307,7 @@ fn effects(a: &AerodynamicsSection, s: &StructureSection) -> Effects {
             mean_w: a.wind_speed * direction(a.wind_direction_deg) + a.wind_up * Vector3::z(),
             gust_deviation: a.gust_deviation,
             gust_length: a.gust_length,
+            begin: a.wind_begin,
         },
         rotor_drag: RotorDrag { drag: a.rotor_drag, flapping: a.flapping },
         body_drag: BodyDrag { area_r: a.drag_area.vector(), centre_r: a.centre_of_pressure.vector() },

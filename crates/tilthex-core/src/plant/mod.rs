@@ -29,7 +29,7 @@ pub use rotor_inertia::{momentum as rotor_momentum, torque as rotor_torque};
 pub use sensors::{ImuSample, SensorParams, Sensors};
 pub use surface::{Influence, NEAREST, Surface, induced_velocity};
 pub use vibration::Angles;
-pub use wind::{Wind, WindState};
+pub use wind::{RISES, Wind, WindState};
 
 use crate::{
     Error, GRAVITY, Vehicle, so3,

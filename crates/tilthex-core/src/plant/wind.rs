@@ -22,7 +22,12 @@ pub struct Wind {
     pub gust_deviation: f64,
     /// Length scale of the gusts, m.
     pub gust_length: f64,
+    /// Time from which the wind rises, s. It has its full speed [`RISES`] later.
+    pub begin: f64,
 }
+
+/// A wind that begins during the simulation rises linearly over this time, s.
+pub const RISES: f64 = 2.0;
 
 /// The state of the gusts: filters of unit variance along, across and up, and their noise.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +36,8 @@ pub struct WindState {
     across: [f64; 2],
     up: [f64; 2],
     random: Random,
+    /// Simulated time, s.
+    time: f64,
 }
 
 impl WindState {
@@ -45,7 +52,7 @@ impl WindState {
             [a, 0.5 * a + 0.5 * b]
         };
         let (across, up) = (pair(), pair());
-        Self { along: random.normal(), across, up, random }
+        Self { along: random.normal(), across, up, random, time: 0.0 }
     }
 }
 
@@ -58,7 +65,7 @@ impl Default for WindState {
 impl Wind {
     /// Still air.
     pub const CALM: Self =
-        Self { mean_w: Vector3::new(0.0, 0.0, 0.0), gust_deviation: 0.0, gust_length: 20.0 };
+        Self { mean_w: Vector3::new(0.0, 0.0, 0.0), gust_deviation: 0.0, gust_length: 20.0, begin: 0.0 };
 
     /// Refuses impossible numbers.
     ///
@@ -70,7 +77,8 @@ impl Wind {
         }
         check_range("wind_speed", self.mean_w.norm(), 0.0, 100.0)?;
         check_range("gust_deviation", self.gust_deviation, 0.0, 50.0)?;
-        check_range("gust_length", self.gust_length, 0.1, 1e4)
+        check_range("gust_length", self.gust_length, 0.1, 1e4)?;
+        check_range("wind_begin", self.begin, 0.0, 1e6)
     }
 
     /// Whether there is neither wind nor gusts.
@@ -82,8 +90,10 @@ impl Wind {
     /// Velocity of the air at the vehicle, m/s, world.
     #[must_use]
     pub fn velocity(&self, state: &WindState) -> Vector3 {
+        let risen =
+            if self.begin > 0.0 { ((state.time - self.begin) / RISES).max(0.0).min(1.0) } else { 1.0 };
         if self.gust_deviation == 0.0 {
-            return self.mean_w;
+            return risen * self.mean_w;
         }
         let horizontal = Vector3::new(self.mean_w.x, self.mean_w.y, 0.0);
         let along = horizontal.try_normalize(1e-9).unwrap_or_else(Vector3::x);
@@ -94,12 +104,13 @@ impl Wind {
             (root * x[0] + (1.0 - root) * x[1]) / sqrt(2.0)
         };
         let gust = state.along * along + second(&state.across) * across + second(&state.up) * Vector3::z();
-        self.mean_w + self.gust_deviation * gust
+        risen * (self.mean_w + self.gust_deviation * gust)
     }
 
     /// Moves the gusts by `dt` seconds past a vehicle with a velocity (m/s, world). Exact for any `dt` at a constant
     /// airspeed.
     pub fn step(&self, state: &mut WindState, velocity_w: &Vector3, dt: f64) {
+        state.time += dt;
         if self.gust_deviation == 0.0 {
             return;
         }

@@ -4,7 +4,7 @@ use super::{DT, common::tilt_hex};
 use std::f64::consts::{PI, TAU};
 use tilthex_core::{
     GRAVITY, RobotState, RotorVector, Vector3, Wrench,
-    plant::{BodyDrag, Effects, Plant, PlantState, Wind, WindState},
+    plant::{BodyDrag, Effects, Plant, PlantState, RISES, Wind, WindState},
 };
 
 /// One-sided power density of a series by averaged periodograms of `count` samples with a Hann window.
@@ -30,7 +30,12 @@ fn spectrum(series: &[f64], count: usize, bin: usize) -> f64 {
 #[test]
 fn gusts_have_dryden_spectra() {
     let (deviation, length, speed, dt) = (0.8, 5.0, 4.0, 0.02);
-    let wind = Wind { mean_w: Vector3::new(0.0, speed, 0.0), gust_deviation: deviation, gust_length: length };
+    let wind = Wind {
+        mean_w: Vector3::new(0.0, speed, 0.0),
+        gust_deviation: deviation,
+        gust_length: length,
+        begin: 0.0,
+    };
     let mut state = WindState::new(11);
     let count = 1024;
     let samples: Vec<Vector3> = (0..count * 800)
@@ -61,8 +66,28 @@ fn gusts_have_dryden_spectra() {
 }
 
 #[test]
+fn a_wind_that_begins_later_rises_to_the_same_wind() {
+    let whole =
+        Wind { mean_w: Vector3::new(3.0, 1.0, -0.5), gust_deviation: 0.5, gust_length: 5.0, begin: 0.0 };
+    let (dt, begin) = (0.05, 4.0);
+    for wind in [whole, Wind { gust_deviation: 0.0, ..whole }] {
+        let later = Wind { begin, ..wind };
+        let (mut of_whole, mut of_later) = (WindState::new(3), WindState::new(3));
+        for k in 1..200 {
+            let time = f64::from(k) * dt;
+            wind.step(&mut of_whole, &Vector3::zeros(), dt);
+            later.step(&mut of_later, &Vector3::zeros(), dt);
+            let part = ((time - begin) / RISES).clamp(0.0, 1.0);
+            let off = later.velocity(&of_later) - part * wind.velocity(&of_whole);
+            assert!(off.norm() < 1e-9, "{time}: {off}");
+        }
+    }
+}
+
+#[test]
 fn gusts_are_as_strong_at_any_step_and_of_their_own_for_every_seed() {
-    let wind = Wind { mean_w: Vector3::new(3.0, 0.0, 0.0), gust_deviation: 0.5, gust_length: 2.0 };
+    let wind =
+        Wind { mean_w: Vector3::new(3.0, 0.0, 0.0), gust_deviation: 0.5, gust_length: 2.0, begin: 0.0 };
     for dt in [1e-3, 0.05, 1.0] {
         let (mut sum, mut count) = (0.0, 0.0);
         for seed in 0..2000 {
