@@ -90,8 +90,7 @@ impl Wind {
     /// Velocity of the air at the vehicle, m/s, world.
     #[must_use]
     pub fn velocity(&self, state: &WindState) -> Vector3 {
-        let risen =
-            if self.begin > 0.0 { ((state.time - self.begin) / RISES).max(0.0).min(1.0) } else { 1.0 };
+        let risen = if self.begin > 0.0 { ((state.time - self.begin) / RISES).clamp(0.0, 1.0) } else { 1.0 };
         if self.gust_deviation == 0.0 {
             return risen * self.mean_w;
         }
