@@ -1,8 +1,11 @@
 """`tilthex fit` and `tilthex excite`: a vehicle that is not its model is found from its flight."""
 
+import json
+
 import numpy as np
 import pytest
 import tilthex
+from tilthex import fit
 from tilthex.__main__ import main
 from tilthex.excite import largest_tilt, to_toml, trajectory, waypoints
 from tilthex.identify import Flight, identify
@@ -42,6 +45,11 @@ def test_a_vehicle_that_is_not_its_model_is_found(flight):
     assert np.linalg.norm(wrench[0] - wrench[1]) < 0.2 * np.linalg.norm(wrench[2] - wrench[1])
     again = tilthex.Vehicle.from_dict({"name": "x", "mass": 1, "inertia": [1, 1, 1], "rotors": MODEL.rotors})
     assert again.rotor_count == found.vehicle.rotor_count
+    said = json.loads(json.dumps(fit.summary(found), allow_nan=False))
+    assert (
+        said["figures"]["rotor lag"]["value"] == found["rotor lag"].value and said["seconds"] == found.seconds
+    )
+    assert tilthex.Config.from_text(said["vehicle"]).vehicle == found.vehicle
 
 
 def test_a_still_hover_says_that_it_tells_no_inertia():

@@ -13,12 +13,15 @@ from tilthex import (
     __version__,
     check,
     compare,
+    completion,
     convert,
     design,
+    doctor,
     estimate,
     excite,
     fit,
     manoeuvres,
+    new,
     plot,
     tune,
 )
@@ -29,13 +32,16 @@ from tilthex.view import cli as view
 COMMANDS: tuple[Callable[[Any], None], ...] = (
     check.add_parser,
     compare.add_parser,
+    completion.add_parser,
     convert.add_parser,
     design.add_parser,
+    doctor.add_parser,
     estimate.add_parser,
     excite.add_parser,
     experiments.add_parser,
     fit.add_parser,
     manoeuvres.add_parser,
+    new.add_parser,
     plot.add_parser,
     tune.add_parser,
     view.add_parser,
@@ -45,14 +51,19 @@ USAGE = 2
 """Exit status after a usage or configuration error, the same as that of the Rust programs."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs a subcommand. An error gives one sentence on standard error."""
+def parser() -> argparse.ArgumentParser:
+    """The parser of the command with all its subcommands."""
     parser = argparse.ArgumentParser(prog="tilthex", description="Tools around the tilthex controller.")
     parser.add_argument("--version", action="version", version=f"tilthex {__version__}")
     commands = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     for add_parser in COMMANDS:
         add_parser(commands)
-    chosen = parser.parse_args(arguments)
+    return parser
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs a subcommand. An error gives one sentence on standard error."""
+    chosen = parser().parse_args(arguments)
     # The commands draw into files; whoever draws with the library, in a notebook for example, sees figures.
     os.environ.setdefault("MPLBACKEND", "Agg")
     try:
@@ -62,7 +73,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             chosen.run(chosen)
     except ModuleNotFoundError as error:
         needed = f"this command needs {error.name}, which is not installed"
-        print(f"tilthex: {needed}: pip install 'tilthex[analysis,experiments,logs,view]'", file=sys.stderr)
+        print(
+            f"tilthex: {needed}: pip install 'tilthex[analysis,completion,experiments,logs,view]'",
+            file=sys.stderr,
+        )
         return USAGE
     except (ValueError, OSError, ImportError) as error:
         print(f"tilthex: {error}", file=sys.stderr)

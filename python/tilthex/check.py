@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import Config, LoopModel, Vehicle, polytope
+from tilthex import Config, LoopModel, Vehicle, _json, polytope
 
 Array = NDArray[np.float64]
 LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
@@ -85,6 +85,7 @@ def add_parser(subparsers: Any) -> None:
         default=DAMPING_TIME,
         help=f"damping of the touched body divided by its stiffness, s (default: {DAMPING_TIME:g})",
     )
+    _json.add_option(parser)
     parser.add_argument("--plot", type=Path, help="draw the frequency response of the loops into this file")
     parser.set_defaults(run=run)
 
@@ -95,6 +96,11 @@ def run(arguments: argparse.Namespace) -> None:
     model = LoopModel(config)
     found = model.hover()
     spread = drawn(config, arguments.truth, arguments.draws) if arguments.draws > 0 else None
+    if arguments.json:
+        _json.say(summary(config.vehicle, model, spread, arguments))
+        if arguments.plot:
+            _plot(model, arguments.plot)
+        return
     worst = f"; worst of {arguments.draws} vehicles of {arguments.truth}" if spread else ""
     print(f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}")
     for i, axis in enumerate(model.axes):
@@ -116,6 +122,45 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.plot:
         _plot(model, arguments.plot)
         print(f"written: {arguments.plot}")
+
+
+def summary(
+    vehicle: Vehicle, model: LoopModel, spread: Spread | None, arguments: argparse.Namespace
+) -> dict[str, Any]:
+    """What is printed, by names. Ranges of stiffness are pairs; 1e6 stands for any stiffness."""
+    found, damping_time = model.hover(), arguments.damping_time
+    stable = found.pop("stable")
+    axes = {axis: {name: values[i] for name, values in found.items()} for i, axis in enumerate(model.axes)}
+    if spread:
+        for i, axis in enumerate(model.axes):
+            axes[axis]["drawn_phase_margin_deg"] = spread.phase_margin_deg[i]
+            axes[axis]["drawn_sensitivity_peak"] = spread.sensitivity_peak[i]
+    named_axes = list(zip("xyz", np.eye(3), strict=True))
+    worst, stiffnesses = model.worst_contact(damping_time=damping_time)
+    try:
+        reach: float | None = polytope.lateral_reach(vehicle)
+    except ValueError:
+        reach = None
+    return {
+        "vehicle": vehicle.name,
+        "stable": stable,
+        "axes": axes,
+        "drawn": {"truth": arguments.truth, "draws": arguments.draws, "unstable": spread.unstable}
+        if spread
+        else None,
+        "contact": {
+            "damping_time": damping_time,
+            "along": {name: model.contact(along=a, damping_time=damping_time) for name, a in named_axes},
+            "along_undamped": {name: model.contact(along=a) for name, a in named_axes},
+            "worst": {"direction": worst, "stable": stiffnesses},
+            "about": {name: model.contact(about=a, damping_time=damping_time) for name, a in named_axes},
+            "least_apparent_mass": {
+                name: model.least_apparent_mass(k, arguments.stiffness, damping_time=damping_time)
+                for k, name in enumerate("xyz")
+            },
+        },
+        "lateral_reach": reach,
+    }
 
 
 def _contact(model: LoopModel, stiffness: float, damping_time: float) -> None:

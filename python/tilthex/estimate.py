@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import _core
+from tilthex import _core, _json
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
@@ -308,8 +308,11 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     given = _config(arguments)
     recording = _recording(arguments, given).tracked()
     found = calibrate(recording, given)
-    print(found)
     placed = found.config(given)
+    if arguments.json:
+        _json.say({"place": found, "noises": find_noises(recording, placed)})
+        return
+    print(found)
     noises = find_noises(recording, placed)
     print(f"{noises}\n")
     print("errors at every second pose, if the filter does not get it:")
@@ -350,6 +353,7 @@ def add_parser(commands: Any) -> None:
         "calibrate", help="find the captured body's place on the robot, the latency and the noises"
     )
     calibration.set_defaults(run=_calibrate)
+    _json.add_option(calibration)
     for parser in (estimate, calibration):
         parser.add_argument(
             "recording",

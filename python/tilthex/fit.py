@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tilthex import log
+from tilthex import _json, log
 from tilthex._core import Config, Vehicle
 from tilthex.identify import Flight, Identified, identify
 
@@ -84,6 +84,13 @@ def report(found: Identified) -> str:
     return "\n".join(lines)
 
 
+def summary(found: Identified) -> dict[str, Any]:
+    """What is reported, by names; the corrected vehicle as TOML."""
+    figures = {one.name: _json.plain(one) | {"learnt": one.learnt} for one in found.figures}
+    names = ("seconds", "left_out", "residual", "correlation", "vehicle")
+    return {"figures": figures} | {name: _json.plain(getattr(found, name)) for name in names}
+
+
 def figure(flights: list[Flight], found: Identified) -> Figure:
     """Predicted and measured specific force and angular acceleration, each over time."""
     import matplotlib.pyplot as plt
@@ -132,6 +139,7 @@ def add_parser(commands: Any) -> None:
     parser.add_argument("--end", type=float, metavar="S", help="use each log up to this time")
     parser.add_argument("--out", type=Path, metavar="FILE.toml", help="write the corrected vehicle")
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw predicted and measured values")
+    _json.add_option(parser)
     parser.set_defaults(run=_run)
 
 
@@ -143,13 +151,22 @@ def _run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--mass is {arguments.mass} kg, the model's is {vehicles[0].mass} kg; expected kg")
     flights = [read(path, arguments.begin, arguments.end) for path in arguments.log]
     found = identify(flights, vehicles[0], mass=arguments.mass)
-    print(report(found))
+    if arguments.json:
+        _json.say(summary(found))
+    else:
+        print(report(found))
     if arguments.out:
         arguments.out.write_text(found.vehicle.to_toml(), encoding="utf-8")
-        print(arguments.out)
+        _written(arguments, arguments.out)
     if arguments.plot:
         import matplotlib as mpl
 
         mpl.use("Agg")
         figure(flights, found).savefig(arguments.plot, dpi=120)
-        print(arguments.plot)
+        _written(arguments, arguments.plot)
+
+
+def _written(arguments: argparse.Namespace, path: Path) -> None:
+    """Says which file was written, where this does not disturb a script."""
+    if not arguments.json:
+        print(path)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tilthex import Config, LoopModel
+from tilthex import Config, LoopModel, _json
 from tilthex.check import (
     DAMPING_TIME,
     LARGEST_PEAK,
@@ -34,11 +34,21 @@ def add_parser(subparsers: Any) -> None:
     )
     parser.add_argument("config", help="a configuration, a vehicle's TOML file, or a preset")
     parser.add_argument("--out", type=Path, help="write the sections to this file")
+    _json.add_option(parser)
     parser.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Prints the sections."""
+    if arguments.json:
+        config = named(arguments.config)
+        sections = LoopModel(config).derive()
+        margins = {
+            name: LoopModel(one).hover()
+            for name, one in (("before", config), ("now", config.replace(**sections)))
+        }
+        _json.say({"sections": sections, "axes": LoopModel.axes} | margins)
+        return
     text = "\n".join(tuned(named(arguments.config))) + "\n"
     if arguments.out:
         arguments.out.write_text(text, encoding="utf-8")

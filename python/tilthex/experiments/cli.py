@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tilthex import _json
 from tilthex.simulation import TRUTH_HELP
 
 if TYPE_CHECKING:
@@ -69,6 +70,7 @@ def add_parser(subparsers: Any) -> None:
         "--set", action="append", default=[], metavar="KEY=VALUE", help="change a key, as TOML"
     )
     parser.add_argument("--video", action="store_true", help="render every run as an animated GIF")
+    _json.add_option(parser)
     parser.add_argument("--short", action="store_true", help="the short version that the tests fly")
     parser.set_defaults(run=run)
 
@@ -95,25 +97,35 @@ def run(arguments: argparse.Namespace) -> None:
     names = spec.built_in() if arguments.name == "all" else [arguments.name]
     everything: list[Check] = []
     pages = []
+    said: list[dict[str, Any]] = []
     for name in names:
         experiment = spec.load(name, short=arguments.short, changes=changes(arguments))
         if arguments.wire:
             from tilthex.experiments import wire
 
             wire.check(experiment)
-        print(f"{experiment.title}", flush=True)
+        _say(arguments, experiment.title)
         if arguments.random is not None and arguments.case is None:
             page, checks = _campaign(experiment, arguments)
         else:
             page, checks = _fly(experiment, arguments)
-        print(report.text_table(checks))
-        print(f"report: {page}\n", flush=True)
+        _say(arguments, report.text_table(checks))
+        _say(arguments, f"report: {page}\n")
         everything += checks
         pages.append((experiment.title, page))
+        said.append({"experiment": experiment.kind, "report": str(page), "checks": checks})
     if len(names) > 1:
         links = [f'<a href="{page.name}">{title}</a>' for title, page in pages]
         about = "All experiments."
         report.write(arguments.out, "index", "The experiments", about, everything, {}, "", _command(), links)
+    if arguments.json:
+        _json.say({"experiments": said})
+
+
+def _say(arguments: argparse.Namespace, text: str) -> None:
+    """Prints for a person, not for a script."""
+    if not arguments.json:
+        print(text, flush=True)
 
 
 def changes(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -174,7 +186,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         notes,
     )
     if arguments.wire:
-        print("\n".join(notes))
+        _say(arguments, "\n".join(notes))
     return page, checks
 
 

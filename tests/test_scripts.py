@@ -1,0 +1,143 @@
+"""The command for scripts: results as JSON, completion, files that are asked for, and the doctor."""
+
+import io
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import tilthex
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tilthex import __main__ as command
+from tilthex import _json, new
+
+MODULE = """
+from tilthex.experiments.judge import Judge
+from tilthex.experiments.record import below
+
+JUDGE = Judge(lambda run, record: [below("error", abs(record.position_error).max(), 0.05, "mm", scale=1e3)],
+              lambda flights: {})
+"""
+
+
+def said(capsys, *arguments):
+    """The JSON that a command prints, and nothing else."""
+    assert command.main([*map(str, arguments), "--json"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+def test_check_and_tune_as_json_are_what_the_model_says(capsys):
+    model = tilthex.LoopModel(tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex")))
+    found = said(capsys, "check", "tilt-hex", "--draws", 1)
+    hover = model.hover()
+    assert list(found["axes"]) == model.axes and found["stable"] is True
+    assert [axis["phase_margin_deg"] for axis in found["axes"].values()] == hover["phase_margin_deg"].tolist()
+    assert all(axis["drawn_phase_margin_deg"] <= 90 for axis in found["axes"].values())
+    assert found["drawn"] == {"truth": "measured", "draws": 1, "unstable": 0}
+    assert found["contact"]["along_undamped"]["z"] == [list(pair) for pair in model.contact(along=[0, 0, 1])]
+    tuned = said(capsys, "tune", "tilt-hex")
+    assert tuned["sections"] == json.loads(json.dumps(model.derive())) and tuned["axes"] == model.axes
+
+
+def test_an_experiment_as_json_has_its_checks(capsys, tmp_path):
+    pytest.importorskip("mujoco")
+    path = tmp_path / "mine.toml"
+    sys.stdin, before = io.StringIO("\n\nfree\n0.2\n\n"), sys.stdin
+    try:
+        assert command.main(["new", "experiment", str(path)]) == 0
+    finally:
+        sys.stdin = before
+    capsys.readouterr()
+    (tmp_path / "mine.py").write_text(MODULE)
+    (one,) = said(capsys, "experiment", path, "--out", tmp_path / "out")["experiments"]
+    assert one["experiment"] == "mine" and (tmp_path / "out/mine.html").exists()
+    (check,) = one["checks"]
+    assert check.pop("measured").endswith(" mm") and check["passed"] is True
+    assert check == {"what": "error", "required": "at most 50 mm", "paper": "", "passed": True}
+
+
+@settings(max_examples=15)
+@given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), st.lists))
+def test_anything_is_said_as_json(value):
+    back = json.loads(json.dumps(_json.plain({"a": value, "b": np.array([1.0, np.nan])}), allow_nan=False))
+    assert back["b"] == [1.0, None]
+
+
+@pytest.mark.parametrize("answers", ["", "mine\n4.5\n0.02\n\n0.03\n0.1\n0\n-0.2\n0.5\n0.3\n"])
+def test_a_new_vehicle_is_read_and_every_key_has_a_comment(answers, monkeypatch, tmp_path, capsys):
+    path = tmp_path / "own.toml"
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+    assert command.main(["new", "vehicle", str(path)]) == 0
+    vehicle = tilthex.Vehicle.from_toml(path)
+    if answers:
+        assert (vehicle.name, vehicle.mass, vehicle.rotor_time_constant) == ("mine", 4.5, 0.1)
+        assert vehicle.tool_position.tolist() == [0.0, -0.2, 0.5] and vehicle.inertia[0, 0] == 0.02
+    else:
+        assert vehicle.name == "own"
+    text = path.read_text()
+    assert text.startswith("# Written by") and text.count("\n#") > 8
+    assert command.main(["new", "vehicle", str(path)]) == 2
+    assert "exists; expected a new file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "answers", ["", 'A "title"\nhexarotor\nplane\n5\n0.1\n0.03\n1\n9\n', "\n\nfree\n\n\n"]
+)
+def test_a_new_experiment_is_read(answers, monkeypatch, tmp_path):
+    pytest.importorskip("mujoco")
+    from tilthex.experiments import spec
+
+    path = tmp_path / "own.toml"
+    monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+    assert command.main(["new", "experiment", str(path)]) == 0
+    found = spec.load(str(path))
+    (run,) = found.runs
+    assert run.scene() and run.model().name in ("tilt-hex", "hexarotor")
+    if answers.startswith("A"):
+        assert found.title == 'A "title"' and run.seed == 9 and run.world["tilt_deg"] == [5, 0]
+
+
+def test_an_answer_that_does_not_fit_is_refused(monkeypatch, tmp_path, capsys):
+    for answers, sentence in (("x\nheavy\n", "is 'heavy'; expected a number"), ("x\n-1\n", "mass is -1")):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
+        assert command.main(["new", "vehicle", str(tmp_path / "own.toml")]) == 2
+        assert sentence in capsys.readouterr().err.splitlines()[-1]
+    assert command.main(["new", "vehicle", "own.txt"]) == 2
+    assert "own.txt does not end in .toml" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir()) and set(new.KINDS) == {"vehicle", "experiment"}
+
+
+def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
+    pytest.importorskip("shtab")
+    bash = shutil.which("bash")
+    if bash is None:
+        pytest.skip("bash is not installed")
+    assert command.main(["completion", "bash"]) == 0
+    script = tmp_path / "tilthex.bash"
+    script.write_text(capsys.readouterr().out)
+
+    def completed(*words):
+        line = " ".join(f"'{word}'" for word in words)
+        call = f"source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _shtab_tilthex; "
+        done = subprocess.run(
+            [bash, "-c", call + 'printf "%s\\n" "${COMPREPLY[@]}"'], capture_output=True, text=True
+        )
+        return set(done.stdout.split())
+
+    assert {"check", "experiment", "new", "doctor", "view"} <= completed("tilthex", "")
+    assert completed("tilthex", "ex") == {"excite", "experiment"}
+    assert "--json" in completed("tilthex", "check", "--j")
+    assert completed("tilthex", "new", "") == {"vehicle", "experiment"}
+
+
+def test_the_doctor_is_that_of_the_program(monkeypatch, tmp_path, capfd):
+    program = tmp_path / "tilthex-rt"
+    program.write_text('#!/bin/sh\necho "$@"\nexit 3\n')
+    program.chmod(0o755)
+    monkeypatch.setattr("tilthex.doctor.program", lambda name: str(tmp_path / name))
+    with pytest.raises(SystemExit) as end:
+        command.main(["doctor", "--port", "/dev/ttyUSB0", "--help"])
+    assert end.value.code == 3 and capfd.readouterr().out == "doctor --port /dev/ttyUSB0 --help\n"
