@@ -19,6 +19,11 @@ fn every_preset_has_a_default_without_warnings() {
 }
 
 #[test]
+fn the_defaults_of_the_tilt_hex_are_those_of_the_core() {
+    assert_eq!(*tilt_hex().controller(), ControllerParams::default());
+}
+
+#[test]
 fn an_empty_set_up_is_the_default() {
     assert_eq!(read("").unwrap(), tilt_hex());
 }

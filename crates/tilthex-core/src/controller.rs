@@ -66,6 +66,32 @@ pub struct ControllerParams {
     pub attitude: AttitudeParams,
 }
 
+impl Default for ControllerParams {
+    /// The parameters of the Tilt-Hex.
+    fn default() -> Self {
+        let (max_rotation, free_turn) = (60f64.to_radians(), 30f64.to_radians());
+        Self {
+            pose: PoseGains {
+                position: Vector3::repeat(100.0),
+                velocity: Vector3::repeat(20.0),
+                rotation: Vector3::repeat(225.0),
+                angular_velocity: Vector3::repeat(30.0),
+            },
+            observer: ObserverGains { force: Vector3::repeat(30.0), torque: Vector3::repeat(30.0) },
+            admittance: AdmittanceParams { max_rotation, ..AdmittanceParams::default() },
+            force_dead_zone: 0.2,
+            torque_dead_zone: 0.2,
+            low_pass_hz: 20.0,
+            room_torque: 0.0,
+            contact: ContactParams::default(),
+            free_wrench: FreeWrenchParams { spin: free_turn, turn: free_turn, ..FreeWrenchParams::default() },
+            bounds: ReferenceBounds::default(),
+            allocation: AllocatorParams::default(),
+            attitude: AttitudeParams::default(),
+        }
+    }
+}
+
 /// The controller of one vehicle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Controller {

@@ -6,6 +6,7 @@
 
 use no_panic::no_panic;
 use std::hint::black_box;
+use tilthex_c as c;
 use tilthex_core::{
     PoseSample, Reference, RobotState, Setpoint, Vector3, Vector6, Wrench,
     admittance::{AdmittanceFilter, AdmittanceOutput, AdmittanceState},
@@ -118,6 +119,47 @@ fn tick_on_wire(b: &mut LinkedFlight, input: &WireInput<'_>, out: &mut LinkedOut
     b.tick(input, out);
 }
 
+/// The step functions of the C interface, with pointers that the optimiser does not know.
+mod in_c {
+    #![allow(unsafe_code)]
+    use super::{c, no_panic};
+
+    macro_rules! steps {
+        ($($name:ident: $called:ident($($argument:ident: $kind:ty),*);)*) => {
+            $(
+                #[no_panic]
+                pub(super) fn $name($($argument: $kind),*) -> c::TilthexStatus {
+                    // SAFETY: the caller gives null or valid pointers.
+                    unsafe { c::$called($($argument),*) }
+                }
+            )*
+            pub(super) fn keep() {
+                $( std::hint::black_box($name as fn($($kind),*) -> _); )*
+            }
+        };
+    }
+    steps! {
+        observe: tilthex_observer_step(
+            b: *mut c::TilthexObserver, x: *const c::TilthexMeasured, dt: f64, w: *mut c::TilthexWrench);
+        yield_to: tilthex_admittance_step(
+            b: *mut c::TilthexAdmittance, x: *const c::TilthexSetpoint, w: *const c::TilthexWrench, dt: f64,
+            r: *mut c::TilthexSetpoint);
+        allocate: tilthex_allocator_step(
+            b: *mut c::TilthexAllocator, x: *const c::TilthexAllocatorInput, a: *mut c::TilthexAllocation);
+        control: tilthex_controller_step(
+            b: *mut c::TilthexController, x: *const c::TilthexControllerInput, dt: f64,
+            out: *mut c::TilthexControllerOutput);
+        predict: tilthex_estimator_predict(
+            b: *mut c::TilthexEstimator, time: f64, gyro: *const f64, force: *const f64);
+        update: tilthex_estimator_update(
+            b: *mut c::TilthexEstimator, pose: *const c::TilthexPose, out: *mut c::TilthexOutcome);
+        state: tilthex_estimator_state(
+            b: *mut c::TilthexEstimator, x: *mut c::TilthexMeasured, health: *mut c::TilthexHealth);
+        move_on: tilthex_plant_step(
+            b: *mut c::TilthexPlant, speeds: *const f64, w: *const c::TilthexWrench, dt: f64);
+    }
+}
+
 /// Calls every function with inputs that the optimiser does not know, so that all of them stay in the program.
 fn main() {
     black_box(low_pass as fn(_, _, _, _) -> _);
@@ -136,5 +178,6 @@ fn main() {
     black_box(tick as fn(_, _, _));
     black_box(look as fn(_, _) -> _);
     black_box(tick_on_wire as fn(_, _, _));
+    in_c::keep();
     println!("no step function can panic");
 }
