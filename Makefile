@@ -19,6 +19,7 @@ help:
 	@echo "make browser-test  tilthex view in a headless Chromium"
 	@echo "make bench     speed, as ratios against NumPy in the same run"
 	@echo "make bench-rt  the loop's timing on this machine"
+	@echo "make onboard   the blocks on a Cortex-M7 in QEMU: the host's bits, instructions, memory"
 	@echo "make campaign  the fault campaign: N flights, from SEED on"
 	@echo "make results   runs what docs/results shows, and writes it"
 	@echo "make docs      the documentation site, into site; RUST=0 leaves out the pages of the Rust crates"
@@ -107,6 +108,11 @@ bench: install
 bench-rt:
 	cargo build --release --locked -p tilthex-rt
 	benchmarks/rt.sh
+
+# The blocks of the core on a microcontroller, in QEMU. Says which tool is missing, and installs nothing.
+.PHONY: onboard
+onboard:
+	@benchmarks/onboard.sh
 
 campaign:
 	cargo run --release --locked -p tilthex-rt --bin tilthex-rt -- campaign --number $(N) --seed $(SEED)

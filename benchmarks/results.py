@@ -140,6 +140,7 @@ PAGES = (
         ("python -m benchmarks.lexicographic --number 10000 --seed 5001",),
     ),
     Page("instructions", "Instructions of a step", ("python -m benchmarks.instructions",)),
+    Page("onboard", "On board: a Cortex-M7", ("make --silent onboard",)),
     Page("timing", "The loop's timing, idle and beside other load", ("benchmarks/rt.sh 600",)),
     Page(
         "campaign",
