@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import threading
 
 import numpy as np
@@ -145,3 +146,21 @@ def test_to_dataframe():
     assert frame.index.name == "time"
     np.testing.assert_array_equal(frame["wrench_tool_2"], run["wrench_tool"][:, 2])
     assert "saturated" in frame
+
+
+def test_faults_are_those_that_the_phases_answer():
+    sound = tilthex.simulate(CONFIG, duration=1.0, setpoint=HOME, noise=0.0)
+    assert sound.faults == []
+    # More than the rotors can hold against.
+    push = {"at": 0.5, "duration": 9.0, "force": [40.0, 0.0, 0.0]}
+    run = tilthex.simulate(CONFIG, duration=3.0, setpoint=HOME, pushes=[push])
+    begun = {change.name: change.time for change in run.faults if change.begins}
+    assert {"external wrench", "landing fails"} <= begun.keys() and min(begun.values()) > 0.5
+    left = run["time"][run["phase"] != 3.0].min()
+    assert min(begun.values()) <= left, "a fault begins before the phase changes"
+    copy = pickle.loads(pickle.dumps(run))
+    assert copy.faults == run.faults
+    # A fault begins before it ends, and alternates.
+    for name in begun:
+        changes = [change.begins for change in run.faults if change.name == name]
+        assert changes == [k % 2 == 0 for k in range(len(changes))], name

@@ -35,7 +35,7 @@ from tilthex._core import (
     calibration_flight,
 )
 from tilthex.client import Flight, OrderRefused, connect
-from tilthex.simulation import Run, Runs, simulate, simulate_many
+from tilthex.simulation import FaultChange, Run, Runs, simulate, simulate_many
 
 __all__ = [
     "GRAVITY",
@@ -46,6 +46,7 @@ __all__ = [
     "Controller",
     "Drawn",
     "Effects",
+    "FaultChange",
     "Flight",
     "Loop",
     "LoopModel",

@@ -64,7 +64,7 @@ def simulate(
     truth: Truth | str | os.PathLike[str] | dict[str, Any] | None,
     seed: int,
     flight: dict[str, Any],
-) -> dict[str, _Array]: ...
+) -> tuple[dict[str, _Array], list[tuple[float, str, bool]]]: ...
 def simulate_many(
     configs: Sequence[Config],
     truths: Sequence[Truth | str | os.PathLike[str] | dict[str, Any] | None],

@@ -7,7 +7,7 @@ import operator
 import os
 import sys
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,6 +29,17 @@ Truth = _core.Truth | str | os.PathLike[str] | dict[str, Any] | None
 """How a true vehicle differs from that of the controller; `simulate` explains each form."""
 
 
+class FaultChange(NamedTuple):
+    """A fault that begins or ends."""
+
+    time: float
+    """When, s."""
+    name: str
+    """The name of the fault, as in docs/faults.md."""
+    begins: bool
+    """Whether it begins."""
+
+
 class Run(dict[str, NDArray[np.float64]]):
     """Named arrays, (N, k), one row per control period of 2 ms.
 
@@ -42,6 +53,9 @@ class Run(dict[str, NDArray[np.float64]]):
     and `specific_force` m/s^2, IMU axes, and `measured_rotor_speeds` Hz. `saturated` 0 or 1. `phase` 0
     disarmed, 1 starting, 2 grounded, 3 flying, 4 holding, 5 landing, 6 emergency.
     """
+
+    faults: list[FaultChange]
+    """The faults of the flight that began and ended, in the order of their times."""
 
     def to_dataframe(self) -> pd.DataFrame:
         """A table with one column per number, named `position_0`, ..., and indexed by time.
@@ -111,7 +125,10 @@ def simulate(
         "pose_delay": pose_delay,
         "start": start,
     }
-    return Run(_core.simulate(config, truth, seed, flight))
+    columns, faults = _core.simulate(config, truth, seed, flight)
+    run = Run(columns)
+    run.faults = [FaultChange(*fault) for fault in faults]
+    return run
 
 
 _COMMON = {

@@ -14,6 +14,8 @@ use tilthex_sim::{
 };
 
 type Columns<'py> = Bound<'py, PyDict>;
+/// The time of each, s, its name, and whether it begins.
+type FaultChanges = Vec<(f64, &'static str, bool)>;
 
 /// The arguments of `tilthex.simulate` that are equal for flights with different configurations, truths and seeds.
 #[derive(FromPyObject)]
@@ -73,7 +75,8 @@ impl Common<'_> {
 }
 
 /// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`. `flight` has the other arguments
-/// of `tilthex.simulate`. Returns a dict of (N, k) arrays, one row per control period of 2 ms.
+/// of `tilthex.simulate`. Returns a dict of (N, k) arrays, one row per control period of 2 ms, and the faults that began
+/// (true) or ended (false), each with its time, s, and its name.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -81,10 +84,11 @@ pub(crate) fn simulate<'py>(
     truth: Option<&Bound<'py, PyAny>>,
     seed: &Bound<'py, PyAny>,
     flight: Common<'py>,
-) -> PyResult<Columns<'py>> {
+) -> PyResult<(Columns<'py>, FaultChanges)> {
     let scenario = flight.scenario(&config.checked, truth::section(truth)?, convert::seed(seed)?)?;
     let record = py.detach(|| run(&scenario)).map_err(convert::config_error)?;
-    columns(py, &[&record], false)
+    let faults = record.faults().iter().map(|change| (change.time, change.name, change.begins)).collect();
+    Ok((columns(py, &[&record], false)?, faults))
 }
 
 /// Simulates many flights in `workers` threads: one flight for each of `configs`, `truths` and `seeds`, which have

@@ -6,7 +6,7 @@ mod record;
 
 use crate::{Body, Nanos, Own, Pushes, STEP, body::Cycle};
 pub use many::{Outcome, Summary, run_many};
-pub use record::{Column, NAMES, Record};
+pub use record::{Column, FaultChange, NAMES, Record};
 use std::collections::VecDeque;
 use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
@@ -84,6 +84,7 @@ fn fly(
     for row in 0..rows {
         world.tick(row as f64 * PERIOD, row % POSE_EVERY == 0);
         world.keep(&mut record);
+        record.watch(world.time, world.flight.supervisor().active());
         tick(&world);
         world.advance();
     }

@@ -1,6 +1,9 @@
 //! What a simulation records.
 
-use tilthex_core::Matrix3;
+use tilthex_core::{
+    Matrix3,
+    supervisor::{FaultSet, TABLE},
+};
 
 /// One recorded quantity: `width` numbers for each control period.
 #[derive(Clone, Debug, PartialEq)]
@@ -45,6 +48,17 @@ pub const NAMES: [&str; 28] = [
     "phase",
 ];
 
+/// A fault that begins or ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FaultChange {
+    /// When, s.
+    pub time: f64,
+    /// The name of the fault.
+    pub name: &'static str,
+    /// Whether it begins.
+    pub begins: bool,
+}
+
 /// The recorded quantities of a simulation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
@@ -54,6 +68,8 @@ pub struct Record {
     wanted: [bool; NAMES.len()],
     /// The next quantity of this row, and the next recorded column.
     next: (usize, usize),
+    faults: Vec<FaultChange>,
+    active: FaultSet,
 }
 
 impl Record {
@@ -72,6 +88,26 @@ impl Record {
     #[must_use]
     pub fn get(&self, name: &str) -> Option<&Column> {
         self.columns.iter().find(|c| c.name == name)
+    }
+
+    /// The faults that began and ended, in the order of their times.
+    #[must_use]
+    pub fn faults(&self) -> &[FaultChange] {
+        &self.faults
+    }
+
+    /// Takes the faults that are active at a time, s.
+    pub(super) fn watch(&mut self, time: f64, active: FaultSet) {
+        if active == self.active {
+            return;
+        }
+        for row in &TABLE {
+            let begins = active.contains(row.fault);
+            if begins != self.active.contains(row.fault) {
+                self.faults.push(FaultChange { time, name: row.name, begins });
+            }
+        }
+        self.active = active;
     }
 
     /// Adds a row to the next column, if it is recorded. Every row adds to the columns in the order of [`NAMES`].
