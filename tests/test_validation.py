@@ -182,6 +182,28 @@ def test_a_bad_scenario_is_named(arguments, sentence):
         tilthex.simulate(CONFIG, duration=1, **arguments)
 
 
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"duration": "long"}, "duration is a str; expected a number of seconds"),
+        ({"setpoint": [0, 0, 1]}, "setpoint is a list; expected a tilthex.Setpoint"),
+        ({"trajectory": HOME}, "trajectory is a Setpoint; expected a tilthex.Trajectory"),
+        ({"noise": None}, "noise is a NoneType; expected a number"),
+        ({"estimator": "no"}, "estimator is a str; expected True or False"),
+        ({"pose_delay": "late"}, "pose_delay is a str; expected a number of seconds"),
+        ({"start": 3}, "start is a int; expected 'air' or 'ground'"),
+        ({"pushes": [3]}, "pushes[0] is a int; expected a dict"),
+    ],
+)
+def test_an_argument_of_the_wrong_kind_is_named(arguments, sentence):
+    flight = {"duration": np.float64(0.01), "setpoint": HOME, "noise": 0} | arguments
+    for simulate in (tilthex.simulate, tilthex.simulate_many):
+        with pytest.raises(TypeError, match=f"^{re.escape(sentence)}$"):
+            simulate(CONFIG, **flight)
+    with pytest.raises(TypeError, match=r"^configs has a int for flight 1; expected a tilthex.Config$"):
+        tilthex.simulate_many([CONFIG, 3], duration=0.01, setpoint=HOME)
+
+
 def test_a_configuration_survives_its_file(tmp_path):
     changed = CONFIG.replace(admittance={"stiffness": np.diag([1, 2, 3, 4, 5, 6]) + 0.1})
     path = tmp_path / "config.toml"

@@ -6,7 +6,8 @@ import inspect
 import operator
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -125,6 +126,7 @@ def simulate(
         "pose_delay": pose_delay,
         "start": start,
     }
+    _check_kinds(flight)
     columns, faults = _core.simulate(config, truth, seed, flight)
     run = Run(columns)
     run.faults = [FaultChange(*fault) for fault in faults]
@@ -197,11 +199,17 @@ def simulate_many(
         raise ValueError(f"found {found}; expected equally many, or one for all flights")
     count = next((len(value) for value in several.values()), 1)
     rows = {name: several.get(name, [value] * count) for name, value in given.items()}
+    for number, config in enumerate(rows["configs"]):
+        if not isinstance(config, _core.Config):
+            kind = type(config).__name__
+            raise TypeError(f"configs has a {kind} for flight {number}; expected a tilthex.Config")
+    common = _COMMON | flight | {"pushes": list(flight.get("pushes", ()))}
+    _check_kinds(common)
     figures, columns = _core.simulate_many(
         rows["configs"],
         rows["truths"],
         [operator.index(seed) for seed in rows["seeds"]],
-        _COMMON | flight | {"pushes": list(flight.get("pushes", ()))},
+        common,
         list(record),
         workers,
         _told(progress, count),
@@ -209,6 +217,28 @@ def simulate_many(
     runs = Runs({"seed": np.array(rows["seeds"], float)} | figures)
     runs.record = columns
     return runs
+
+
+_KINDS: dict[str, tuple[Any, str]] = {
+    "duration": (Real, "a number of seconds"),
+    "setpoint": (_core.Setpoint | None, "a tilthex.Setpoint"),
+    "trajectory": (_core.Trajectory | None, "a tilthex.Trajectory"),
+    "noise": (Real, "a number"),
+    "estimator": (bool | np.bool_, "True or False"),
+    "pose_delay": (Real, "a number of seconds"),
+    "start": (str, "'air' or 'ground'"),
+}
+"""The kind of each argument, and how it is named."""
+
+
+def _check_kinds(flight: Mapping[str, Any]) -> None:
+    """Refuses an argument of the wrong kind by its name."""
+    for name, (kind, expected) in _KINDS.items():
+        if not isinstance(flight[name], kind):
+            raise TypeError(f"{name} is a {type(flight[name]).__name__}; expected {expected}")
+    for number, push in enumerate(flight["pushes"]):
+        if not isinstance(push, dict):
+            raise TypeError(f"pushes[{number}] is a {type(push).__name__}; expected a dict")
 
 
 def _is_several(value: Any) -> bool:
