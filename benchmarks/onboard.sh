@@ -43,6 +43,7 @@ echo "compiler: $("$compiler" --version)"
 cd "$out"
 rm -f board.bin
 "$host" record flight.bin
+# QEMU prints what the board prints to its standard error.
 timeout 600 qemu-system-arm -machine mps2-an500 -display none -monitor none -serial none -icount shift=6 \
-    -semihosting-config enable=on,target=native -kernel "$board"
+    -semihosting-config enable=on,target=native -kernel "$board" 2>&1
 "$host" judge flight.bin board.bin
