@@ -40,7 +40,7 @@ LIMITS = np.repeat([1.0, np.pi, 5.0, 20.0, 100.0, 20.0, 1.0], [3, 3, 3, 3, 3, 3,
 
 
 class Flight(gymnasium.Env):  # type: ignore[misc]
-    """A vehicle whose tool shall reach the goal of a task. Every reset draws another true vehicle and world.
+    """A vehicle whose tool must reach the goal of a task. Every reset draws another true vehicle and world.
 
     The action holds for `period` seconds. Its numbers are from -1 to 1:
 
