@@ -145,7 +145,7 @@ PAGES = (
     Page(
         "campaign",
         "The fault campaign",
-        ("target/release/tilthex-rt campaign --number 10000 --seed 1100001",),
+        ("target/release/tilthex-rt campaign --number 10000 --seed 1600001",),
     ),
 )
 
