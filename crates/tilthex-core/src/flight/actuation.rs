@@ -172,7 +172,7 @@ impl Flight {
         !watch.motor_check || self.motor_check.passed(motors.len())
     }
 
-    /// What the motors shall do in this phase.
+    /// The order to the motors in this phase.
     pub(super) fn motor_command(&self) -> MotorCommand {
         match self.supervisor.phase() {
             Phase::Disarmed if self.supervisor.killed() => MotorCommand::Kill,

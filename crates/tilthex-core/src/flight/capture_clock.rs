@@ -22,19 +22,12 @@ pub(super) struct CaptureClock {
     /// Number of poses in a row that claim to be much older than usual, and older than the latest.
     back: u32,
     jumped: bool,
-    /// Poses are this much older than their times say, s.
-    late: f64,
 }
 
 impl CaptureClock {
     /// Whether the clock has jumped since the take-off, and has not come back.
     pub(super) fn jumped(&self) -> bool {
         self.jumped
-    }
-
-    /// Poses were found to be this much older than their times say, s.
-    pub(super) fn set_late(&mut self, late: f64) {
-        self.late = late;
     }
 
     /// The pose with its capture time, in the order of arrival. Before the take-off all times are believed. The time of a pose
@@ -56,17 +49,12 @@ impl CaptureClock {
                 latest: pose.time.max(before),
                 back: 0,
                 jumped: false,
-                late: self.late,
             };
-            return self.older(pose, pose.time);
+            return *pose;
         }
         self.back = if off > 0.0 && pose.time < self.latest { self.back.saturating_add(1) } else { 0 };
         self.jumped |= off < 0.0 || self.back >= POSES_BACK;
-        self.older(pose, if self.jumped { pose.arrival - usual } else { pose.time })
-    }
-
-    fn older(&self, pose: &PoseSample, time: f64) -> PoseSample {
-        PoseSample { time: time - self.late, ..*pose }
+        if self.jumped { PoseSample { time: pose.arrival - usual, ..*pose } } else { *pose }
     }
 }
 
@@ -122,17 +110,6 @@ mod tests {
             for k in 1..50 {
                 let time = begin + 0.01 * f64::from(k);
                 prop_assert!(clock.timed(&pose(time, time + DELAY), true).time == time && !clock.jumped());
-            }
-        }
-
-        #[test]
-        fn poses_that_are_late_by_a_known_time_are_dated_back(late in 0.0f64..0.3, claimed in 0.0f64..0.1) {
-            let mut clock = CaptureClock::default();
-            clock.set_late(late);
-            for k in 1..50 {
-                let time = 0.01 * f64::from(k);
-                let found = clock.timed(&pose(time + late - claimed, time + late), true).time;
-                prop_assert!((found - (time - claimed)).abs() < 1e-12 && !clock.jumped());
             }
         }
 

@@ -43,10 +43,10 @@ const SLOW_DOWN: f64 = 0.5;
 /// m/s.
 pub(super) const BLIND_ACCELERATION: f64 = 1.5;
 
-/// The kind of descent in an emergency.
+/// The kind of descent. A landing has its own speed, and only becomes faster as [`Descent::Steady`] says.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Descent {
-    /// At the speed of a landing, and this much faster, m/s.
+    /// At the speed of a landing plus this, m/s.
     Steady(f64),
     /// Faster: a rotor that a hover needs is lost.
     Adrift,

@@ -35,12 +35,14 @@ pub(super) struct LiftOff {
     witness: Option<Witness>,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
+    /// How much later than their times poses were when it was found, s.
+    late: Option<f64>,
 }
 
 impl LiftOff {
     /// A take-off begins.
     pub(super) fn begin(&mut self) {
-        *self = Self { since: Some(0.0), witness: Some(Witness::default()), fault: None };
+        *self = Self { since: Some(0.0), witness: Some(Witness::default()), fault: None, late: None };
     }
 
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
@@ -49,6 +51,12 @@ impl LiftOff {
             let felt_w = state.rotation_wi * (specific_force_i - state.accelerometer_bias_i);
             witness.feel(&(felt_w - Vector3::new(0.0, 0.0, GRAVITY)), time, dt);
         }
+    }
+
+    /// The pose with the time at which it was captured, if poses were found to be late.
+    pub(super) fn dated(&self, pose: &PoseSample) -> PoseSample {
+        let late = self.late.filter(|_| self.fault == Some(Fault::CaptureLate));
+        PoseSample { time: pose.time - late.unwrap_or(0.0), ..*pose }
     }
 
     /// Takes a captured pose.
@@ -92,9 +100,9 @@ impl Flight {
             watch.witness = None;
         }
         let (late, mirrored) = watch.witness.as_ref().map_or((None, false), Witness::tells);
-        if let Some(late) = late.filter(|_| watch.since.is_none()) {
+        watch.late = late;
+        if late.is_some() && watch.since.is_none() {
             watch.fault = Some(Fault::CaptureLate);
-            self.capture_clock.set_late(late);
         }
         let since = watch.since? + dt;
         watch.since = Some(since).filter(|since| *since < LIFT_OFF_TIME && phase.in_flight());
@@ -128,7 +136,6 @@ impl Flight {
             (None, false) => fault,
         });
         self.lift_off.fault = fault;
-        self.capture_clock.set_late(late.filter(|_| fault.is_some()).unwrap_or(0.0));
         // If the vehicle is already fast or tumbles, a landing does less harm than a stop.
         fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
     }
@@ -150,6 +157,29 @@ impl Flight {
             Fault::CaptureLate
         } else {
             Fault::PoseContradicts
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::types::Matrix3;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn poses_are_dated_back_by_the_delay_that_was_found_and_only_then(late in 0.04f64..0.3, time in 0.0f64..9.0) {
+            let (position_w, rotation_wr) = (Vector3::zeros(), Matrix3::identity());
+            let pose = PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true };
+            for fault in [None, Some(Fault::CaptureLate), Some(Fault::CaptureAxes)] {
+                let watch = LiftOff { fault, late: Some(late), ..LiftOff::default() };
+                let expected = if fault == Some(Fault::CaptureLate) { time - late } else { time };
+                prop_assert_eq!(watch.dated(&pose), PoseSample { time: expected, ..pose });
+            }
+            let mut again = LiftOff { fault: Some(Fault::CaptureLate), late: Some(late), ..LiftOff::default() };
+            again.begin();
+            prop_assert_eq!(again.dated(&pose), pose);
         }
     }
 }

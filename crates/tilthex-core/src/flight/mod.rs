@@ -357,7 +357,6 @@ impl Flight {
                 self.bounds.begin(&robot.position_w, true);
                 self.capture.take_off(&self.estimator.navigation());
                 self.lift_off.begin();
-                self.capture_clock.set_late(0.0);
                 self.guidance.begin_take_off(&robot, self.params.vehicle.tool());
             }
             Phase::Landing => self.begin_landing(before),

@@ -76,7 +76,8 @@ pub const LANDING_RISES: f64 = 0.6;
 pub const LANDING_ASIDE: f64 = 1.0;
 /// A landing this far beyond the geofence fails, m.
 pub const FENCE_MARGIN: f64 = 0.5;
-/// Without a usable pose for long a descent becomes faster by this, m/s^2, because the error of its speed grows, up to this, m/s.
+/// Without a usable pose for longer than [`POSE_LOST_LONG`] a descent becomes faster by the first of these, m/s^2, and at most by
+/// the second, m/s: the error of its speed grows.
 pub const UNSEEN_DESCENT: (f64, f64) = (0.5, 1.5);
 /// Speed of a descent that is forced, m/s.
 pub const FORCED_SPEED: f64 = 0.7;
