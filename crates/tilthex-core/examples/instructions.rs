@@ -6,14 +6,12 @@ use std::hint::black_box;
 use tilthex_core::{
     GRAVITY, Matrix3, Matrix6, PoseSample, Reference, Setpoint, Vector3, Vector6, Vehicle, Wrench,
     admittance::{AdmittanceFilter, AdmittanceParams, AdmittanceState, Axes},
-    allocation::{Allocator, AllocatorParams, RotorStatus},
+    allocation::{Allocator, RotorStatus},
     attitude::{AttitudeParams, AttitudeSelector, AttitudeState},
     controller::{Controller, ControllerInput, ControllerParams, ControllerState},
     estimator::{Estimator, EstimatorParams},
     examples,
     plant::Plant,
-    pose_control::PoseGains,
-    wrench_observer::ObserverGains,
 };
 
 const PERIOD: f64 = 0.002;
@@ -36,25 +34,7 @@ fn admittance(damping: f64) -> AdmittanceParams {
 }
 
 fn parameters(damping: f64) -> ControllerParams {
-    ControllerParams {
-        pose: PoseGains {
-            position: Vector3::repeat(100.0),
-            velocity: Vector3::repeat(20.0),
-            rotation: Vector3::repeat(225.0),
-            angular_velocity: Vector3::repeat(30.0),
-        },
-        observer: ObserverGains { force: Vector3::repeat(30.0), torque: Vector3::repeat(30.0) },
-        admittance: admittance(damping),
-        force_dead_zone: 0.2,
-        torque_dead_zone: 0.2,
-        low_pass_hz: 20.0,
-        room_torque: 0.0,
-        free_wrench: tilthex_core::free_wrench::FreeWrenchParams::default(),
-        bounds: tilthex_core::reference_bounds::ReferenceBounds::default(),
-        contact: tilthex_core::contact::ContactParams::default(),
-        allocation: AllocatorParams::default(),
-        attitude: AttitudeParams::default(),
-    }
+    ControllerParams { admittance: admittance(damping), ..ControllerParams::default() }
 }
 
 fn controller_tick(count: usize, damping: f64) {

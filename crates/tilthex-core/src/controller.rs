@@ -69,7 +69,6 @@ pub struct ControllerParams {
 impl Default for ControllerParams {
     /// The parameters of the Tilt-Hex.
     fn default() -> Self {
-        let (max_rotation, free_turn) = (60f64.to_radians(), 30f64.to_radians());
         Self {
             pose: PoseGains {
                 position: Vector3::repeat(100.0),
@@ -78,13 +77,13 @@ impl Default for ControllerParams {
                 angular_velocity: Vector3::repeat(30.0),
             },
             observer: ObserverGains { force: Vector3::repeat(30.0), torque: Vector3::repeat(30.0) },
-            admittance: AdmittanceParams { max_rotation, ..AdmittanceParams::default() },
+            admittance: AdmittanceParams { max_rotation: 60f64.to_radians(), ..AdmittanceParams::default() },
             force_dead_zone: 0.2,
             torque_dead_zone: 0.2,
             low_pass_hz: 20.0,
             room_torque: 0.0,
             contact: ContactParams::default(),
-            free_wrench: FreeWrenchParams { spin: free_turn, turn: free_turn, ..FreeWrenchParams::default() },
+            free_wrench: FreeWrenchParams::default(),
             bounds: ReferenceBounds::default(),
             allocation: AllocatorParams::default(),
             attitude: AttitudeParams::default(),

@@ -57,7 +57,8 @@ pub struct FreeWrenchParams {
 
 impl Default for FreeWrenchParams {
     fn default() -> Self {
-        Self { speed: 0.25, way: 0.3, spin: 0.5, turn: 0.5 }
+        let angle = 30f64.to_radians();
+        Self { speed: 0.25, way: 0.3, spin: angle, turn: angle }
     }
 }
 
