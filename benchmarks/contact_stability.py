@@ -95,12 +95,7 @@ def grows(case: Case, stiffness: float) -> bool:
     forces = []
     for tick in range(round((TAP + WINDOWS[3]) / PERIOD)):
         out = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
+            **plant.measured,
             setpoint=setpoint,
         )
         waiting.append(out.rotor_speeds)

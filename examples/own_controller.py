@@ -80,12 +80,7 @@ def fly(law: GivesWay, push: float, seconds: float = 12.0) -> tuple[np.ndarray, 
     rows = []
     for k in range(round(seconds / DT)):
         output = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
+            **plant.measured,
             setpoint=home,
             dt=DT,
         )

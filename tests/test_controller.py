@@ -115,12 +115,7 @@ def test_any_attitude_error_below_90_degrees_dies_out_exponentially(vehicle, err
     start = distance() + np.linalg.norm(velocity)
     for k in range(1250):
         out = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
+            **plant.measured,
             setpoint=setpoint,
             compliant=False,
         )
@@ -265,12 +260,7 @@ def test_the_bias_of_a_hover_is_learnt_and_removed():
     setpoint = tilthex.Setpoint(plant.tool_position, np.eye(3))
     for k in range(3000):
         out = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
+            **plant.measured,
             setpoint=setpoint,
             compliant=k >= 2000,
             learn_bias=1000 <= k < 2000,

@@ -21,12 +21,7 @@ def flown(controller, seconds, push=0.0):
     rows = []
     for k in range(round(seconds / DT)):
         out = controller.step(
-            position=plant.position,
-            velocity=plant.velocity,
-            rotation=plant.rotation,
-            angular_velocity=plant.angular_velocity,
-            specific_force=plant.specific_force,
-            rotor_speeds=plant.rotor_speeds,
+            **plant.measured,
             setpoint=HOME,
             dt=DT,
         )
@@ -38,10 +33,8 @@ def flown(controller, seconds, push=0.0):
 @settings(max_examples=20)
 @given(goal=rotations(0.1), rates=numbers(-0.3, 0.3, 12))
 def test_the_reference_of_the_body_is_that_of_the_controller(goal, rates):
-    own = chain.Chain(VEHICLE, CONFIG)
     setpoint = tilthex.Setpoint([0.2, 0, 1], goal, *rates.reshape(4, 3))
-    at = own.body_reference(setpoint)
-    # A robot that is where it shall be asks for no lateral force, so that its reference is not turned.
+    at = VEHICLE.robot_reference(setpoint)
     out = tilthex.Controller(VEHICLE, CONFIG).step(
         position=at.position,
         velocity=at.velocity,
@@ -51,7 +44,7 @@ def test_the_reference_of_the_body_is_that_of_the_controller(goal, rates):
         rotor_speeds=VEHICLE.hover_speeds(at.rotation),
         setpoint=setpoint,
     )
-    found = own.body_reference(out.reference)
+    found = VEHICLE.robot_reference(out.reference)
     for name in ("position", "rotation", "velocity", "angular_velocity", "acceleration"):
         assert np.allclose(getattr(found, name), getattr(out.robot_reference, name), atol=1e-9), name
 

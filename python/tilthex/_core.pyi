@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Final, final
+from typing import Any, Final, TypedDict, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -126,6 +126,7 @@ class Vehicle:
         rotation: ArrayLike | None = None,
     ) -> WrenchPolytope: ...
     def robot_wrench(self, wrench: ArrayLike, rotation: ArrayLike) -> _Array: ...
+    def robot_reference(self, reference: Setpoint) -> Reference: ...
 
 @final
 class Config:
@@ -488,6 +489,14 @@ class Allocation:
     def iterations(self) -> int: ...
     def __getnewargs_ex__(self) -> tuple[tuple[Any, ...], dict[str, Any]]: ...
 
+class _Measured(TypedDict):
+    position: _Array
+    velocity: _Array
+    rotation: _Array
+    angular_velocity: _Array
+    specific_force: _Array
+    rotor_speeds: _Array
+
 @final
 class Plant:
     def __new__(
@@ -522,6 +531,8 @@ class Plant:
     def rotor_speeds(self) -> _Array: ...
     @property
     def specific_force(self) -> _Array: ...
+    @property
+    def measured(self) -> _Measured: ...
     @property
     def tool_position(self) -> _Array: ...
     @property

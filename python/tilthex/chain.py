@@ -123,7 +123,7 @@ class Chain:
         )
         felt = self.vehicle.tool_wrench(external, turn)
         reference = self.admittance.step(setpoint, felt + setpoint.wrench, dt)
-        followed = self.body_reference(reference)
+        followed = self.vehicle.robot_reference(reference)
         command = self.pose.step(
             position=position, velocity=velocity, rotation=turn, angular_velocity=spin, reference=followed
         )
@@ -147,18 +147,4 @@ class Chain:
             wanted_wrench=wanted,
             allocated_wrench=found.wrench,
             saturated=found.saturated,
-        )
-
-    def body_reference(self, tool: _core.Setpoint) -> _core.Reference:
-        """The reference of the centre of mass that follows from one of the tool; (29)-(30)."""
-        turn = tool.rotation @ self.vehicle.tool_rotation.T
-        arm = turn @ self.vehicle.tool_position
-        spin, gain = tool.angular_velocity, tool.angular_acceleration
-        return _core.Reference(
-            tool.position - arm,
-            turn,
-            velocity=tool.velocity - np.cross(spin, arm),
-            angular_velocity=turn.T @ spin,
-            acceleration=tool.acceleration - np.cross(gain, arm) - np.cross(spin, np.cross(spin, arm)),
-            angular_acceleration=turn.T @ gain,
         )

@@ -11,7 +11,7 @@ import argparse
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, TypedDict
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -169,7 +169,7 @@ class _Flown:
         self._loop.initialize(0.0, plant.position, plant.rotation)
 
     def step(self, time: float, plant: Plant, setpoint: Setpoint) -> Array:
-        return self._loop.step_from(time, setpoint=setpoint, **_known(plant))
+        return self._loop.step_from(time, setpoint=setpoint, **plant.measured)
 
     def columns(self) -> _Columns:
         record = self._loop.record()
@@ -197,7 +197,7 @@ class _Clipped:
         self._rows: list[tuple[float, float, Array, bool]] = []
 
     def step(self, time: float, plant: Plant, setpoint: Setpoint) -> Array:
-        out = self._controller.step(setpoint=setpoint, **_known(plant))
+        out = self._controller.step(setpoint=setpoint, **plant.measured)
         turn = out.robot_reference.rotation.T @ plant.rotation
         attitude_error = math.degrees(float(np.linalg.norm(so3.log(turn))))
         self._rows.append(
@@ -208,27 +208,6 @@ class _Clipped:
 
     def columns(self) -> _Columns:
         return _Columns(*(np.array(column, float) for column in zip(*self._rows, strict=True)))
-
-
-class _Known(TypedDict):
-    position: Array
-    velocity: Array
-    rotation: Array
-    angular_velocity: Array
-    specific_force: Array
-    rotor_speeds: Array
-
-
-def _known(plant: Plant) -> _Known:
-    """The state of the plant, as exact sensors would give it."""
-    return {
-        "position": plant.position,
-        "velocity": plant.velocity,
-        "rotation": plant.rotation,
-        "angular_velocity": plant.angular_velocity,
-        "specific_force": plant.specific_force,
-        "rotor_speeds": plant.rotor_speeds,
-    }
 
 
 def add_parser(subparsers: Any) -> None:

@@ -7,7 +7,7 @@ use crate::{
     vehicle::Vehicle,
 };
 use numpy::{PyArray1, PyArray2};
-use pyo3::prelude::*;
+use pyo3::{prelude::*, types::PyDict};
 use tilthex_core::{
     GRAVITY, Vector3, Wrench,
     plant::{Plant as Block, PlantState},
@@ -130,6 +130,19 @@ impl Plant {
         let (acceleration_w, _) = self.block.accelerations(&self.state, &self.external);
         let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
         array1(py, (self.state.robot.rotation_wr.transpose() * free_w).as_slice())
+    }
+
+    /// What exact sensors measure: the arguments of `Controller.step` and `Loop.step` that describe the robot, by their names.
+    #[getter]
+    fn measured<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let measured = PyDict::new(py);
+        measured.set_item("position", self.position(py))?;
+        measured.set_item("velocity", self.velocity(py))?;
+        measured.set_item("rotation", self.rotation(py)?)?;
+        measured.set_item("angular_velocity", self.angular_velocity(py))?;
+        measured.set_item("specific_force", self.specific_force(py))?;
+        measured.set_item("rotor_speeds", self.rotor_speeds(py))?;
+        Ok(measured)
     }
 
     /// Position of the tool tip, m, world, (3,).

@@ -1,6 +1,9 @@
 //! `tilthex.Vehicle`.
 
-use crate::convert::{self, array1, array2};
+use crate::{
+    convert::{self, array1, array2},
+    setpoint::{Reference, Setpoint},
+};
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -8,6 +11,7 @@ use std::path::{Path, PathBuf};
 use tilthex_config::{PRESETS, VehicleSection};
 use tilthex_core::{
     Matrix3,
+    admittance::centre_of_mass_reference,
     wrench_observer::{robot_wrench, tool_wrench},
 };
 
@@ -197,6 +201,11 @@ impl Vehicle {
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (w, r) = (convert::wrench("wrench", wrench)?, convert::rotation("rotation", rotation)?);
         Ok(convert::wrench_array(wrench.py(), &robot_wrench(&w, &r, &self.core().tool().position_r)))
+    }
+
+    /// The reference of the centre of mass that follows from a reference of the tool; (29)-(30).
+    fn robot_reference(&self, reference: &Setpoint) -> Reference {
+        Reference(centre_of_mass_reference(&reference.0, self.core().tool()))
     }
 
     /// The vehicle as a MuJoCo model, XML text: rotors as actuators with u = w |w|, Hz^2, as control.
