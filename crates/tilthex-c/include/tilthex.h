@@ -189,7 +189,7 @@ typedef struct {
     double max_rotation;
 } TilthexAdmittanceParams;
 
-// A pose of the tool with its motion, and the wrench that the tool shall exert: a set-point, or the reference that has
+// A pose of the tool with its motion, and the wrench that the tool exerts: a set-point, or the reference that has
 // yielded from it.
 typedef struct {
     // Position of the tool tip, m, world.
@@ -204,7 +204,7 @@ typedef struct {
     double acceleration_w[3];
     // Angular acceleration, rad/s^2, world.
     double angular_acceleration_w[3];
-    // Wrench that the tool shall exert on the environment, world, about the tool tip.
+    // Wrench that the tool exerts on the environment, world, about the tool tip.
     TilthexWrench wrench_w;
     // Bits 0 to 5: along x, y, z or about x, y, z of the tool, this wrench is controlled instead of the pose.
     uint32_t force_axes;
@@ -406,7 +406,7 @@ TilthexStatus tilthex_observer_init(TilthexObserver *observer,
 
 // Takes the sample at the end of a period of `dt` s (0 to 1) and writes the external wrench: force in world, torque in
 // robot coordinates about the centre of mass, which the environment exerts on the robot. The first sample only marks
-// the begin. The position and the velocity of the sample are not used.
+// the start. The position and the velocity of the sample are not used.
 TilthexStatus tilthex_observer_step(TilthexObserver *observer,
                                     const TilthexMeasured *measured,
                                     double dt,

@@ -80,7 +80,7 @@ pub unsafe extern "C" fn tilthex_observer_init(
 
 /// Takes the sample at the end of a period of `dt` s (0 to 1) and writes the external wrench: force in world, torque in
 /// robot coordinates about the centre of mass, which the environment exerts on the robot. The first sample only marks
-/// the begin. The position and the velocity of the sample are not used.
+/// the start. The position and the velocity of the sample are not used.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tilthex_observer_step(
     observer: *mut TilthexObserver,
@@ -93,9 +93,10 @@ pub unsafe extern "C" fn tilthex_observer_step(
         let (block, state) = content(observer)?;
         let measured = read(measured)?;
         check_period(dt)?;
+        let robot = measured.robot()?;
         let input = ObserverInput {
-            rotation_wr: rotation(&measured.rotation_wr)?,
-            angular_velocity_r: measured.robot()?.angular_velocity_r,
+            rotation_wr: robot.rotation_wr,
+            angular_velocity_r: robot.angular_velocity_r,
             specific_force_r: measured.specific_force()?,
             rotor_speeds: speeds(&measured.rotor_speeds)?,
         };

@@ -114,7 +114,7 @@ impl TilthexMeasured {
     }
 }
 
-/// A pose of the tool with its motion, and the wrench that the tool shall exert: a set-point, or the reference that has
+/// A pose of the tool with its motion, and the wrench that the tool exerts: a set-point, or the reference that has
 /// yielded from it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -131,7 +131,7 @@ pub struct TilthexSetpoint {
     pub acceleration_w: [f64; 3],
     /// Angular acceleration, rad/s^2, world.
     pub angular_acceleration_w: [f64; 3],
-    /// Wrench that the tool shall exert on the environment, world, about the tool tip.
+    /// Wrench that the tool exerts on the environment, world, about the tool tip.
     pub wrench_w: TilthexWrench,
     /// Bits 0 to 5: along x, y, z or about x, y, z of the tool, this wrench is controlled instead of the pose.
     pub force_axes: u32,

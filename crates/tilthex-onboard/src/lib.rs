@@ -166,7 +166,7 @@ impl Chain {
         &self.estimator
     }
 
-    /// The controller begins with a bias, for which a real flight hovers first.
+    /// The input of the controller: the estimate, and what is measured.
     fn controller_input(&self, input: &Input) -> ControllerInput {
         ControllerInput {
             state: self.estimator.robot_state(),
