@@ -26,7 +26,7 @@ class Air:
     def __init__(self, drawn: tilthex.Drawn, model: tilthex.Vehicle, tool: Vector) -> None:
         """The vehicle in a level hover with its tool at a position, m, W."""
         self._captured = drawn.sensor_errors().captured
-        start = tool - LEVEL @ (model.tool_position + self._captured)
+        start = tool - model.tool_position - self._captured
         self._plant = tilthex.Plant(drawn.vehicle, start, effects=drawn.effects())
         self.push = (0.0, 0.0, np.zeros(3))
         """Begin and end, s, and force, N, W."""

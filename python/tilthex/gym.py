@@ -120,8 +120,9 @@ class Flight(gymnasium.Env):  # type: ignore[misc]
         self._episode = self._task(self.np_random, drawn, self.model)
         world = self._episode.world
         self._observer = tilthex.WrenchObserver(self.model, self.config)
-        self._loop = tilthex.Loop(self.config)
-        self._loop.initialize(0.0, world.position, world.rotation)
+        if self.action == "setpoint":
+            self._loop = tilthex.Loop(self.config)
+            self._loop.initialize(0.0, world.position, world.rotation)
         self._place, self._turn = self._episode.start, world.rotation @ self.model.tool_rotation
         self._command, self._steps, self._time = self._hover, 0, 0.0
         self._wrench = np.zeros(6)

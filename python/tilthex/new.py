@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -123,12 +124,13 @@ def experiment(stem: str) -> str:
         )
     hold = number("how long the tool stays there, s", 5.0)
     seed = round(number("seed of the sensors' noise", 1.0))
-    quoted = title.replace("\\", "\\\\").replace('"', '\\"')
+    # A text of JSON is one of TOML.
+    title, flown = (json.dumps(text, ensure_ascii=False) for text in (title, flown))
     return f"""# Written by `tilthex new experiment`. Fly it: tilthex experiment {stem}.toml --out out/{stem}
 # Your own checks and figures: the module {stem.replace("-", "_")}.py beside it (docs/howto/experiment.md).
-title = "{quoted}"
+title = {title}
 about = "What it shows."
-vehicle = "{flown}"
+vehicle = {flown}
 seed = {seed}
 
 # How the true vehicle differs from the controller's model (docs/truth.md): exact, measured, cad, outdoors.

@@ -3,10 +3,10 @@
 //!
 //! After Franchi, Carli, Bicego, Ryll, "Full-pose tracking control for aerial robotic systems with laterally bounded
 //! input force", T-RO 34(2), 2018. That paper takes the lateral forces from a given planar set. Here they are the
-//! vehicle's own section (no torque, a given magnitude of the force), whatever its shape. A vehicle with collinear rotors is thus the extreme case of one
-//! with small lateral forces. The turn is only as fast as the rotors can turn the vehicle (see `turn`): the attitude,
-//! its rate and its acceleration are consistent and continuous. The turn is about the tool, which stays at its
-//! reference (see `about_tool`).
+//! vehicle's own section (no torque, a given magnitude of the force), whatever its shape. A vehicle with collinear
+//! rotors is thus the extreme case of one with small lateral forces. The turn is only as fast as the rotors can turn
+//! the vehicle (see `turn`): the attitude, its rate and its acceleration are consistent and continuous. The turn is
+//! about the tool, which stays at its reference (see `about_tool`).
 
 mod about_tool;
 mod cuts;
@@ -232,7 +232,7 @@ impl AttitudeSelector {
         self.about_tool.lead(&mut state.led, &wanted, &so3::exp(&state.turn.turn), dt)
     }
 
-    /// The attitude for a wanted force (N, world: what the rotors shall exert)
+    /// The attitude for a wanted force of the rotors (N, world)
     /// and a [reference](Self::reference); `dt` is the time since the last call, s.
     #[must_use]
     pub fn step(

@@ -11,9 +11,9 @@
 //! ```
 //!
 //! where h_hat is the observed wrench, J the derivative of the drag with respect to W, P the covariance of W, R the
-//! covariance of the observed wrench without wind and contact, and C that of touches. The ratio is summed over independent samples, one in `2 / L` for an
-//! observer of rate L, and bounded, so that it forgets. The method follows Tomic, Lutz, Schmid, Mathers, Haddadin,
-//! arXiv 1810.12908, who also distinguish wind and contact by a model of drag.
+//! covariance of the observed wrench without wind and contact, and C that of touches. The ratio is summed over
+//! independent samples, one in `2 / L` for an observer of rate L, and bounded, so that it forgets. The method follows
+//! Tomic, Lutz, Schmid, Mathers, Haddadin, arXiv 1810.12908, who also distinguish wind and contact by a model of drag.
 //!
 //! Only the contact moves the admittance filter; the whole observed wrench, with the wind, is compensated.
 

@@ -52,7 +52,7 @@ section! {
         gust_deviation: f64 = 0.0 => "m/s" from 0.0 to 50.0,
         /// Length scale of the gusts.
         gust_length: f64 = 20.0 => "m",
-        /// Time in the simulation at which wind and gusts rise, within 2 s; 0 for a wind from the begin.
+        /// Time in the simulation at which wind and gusts rise, within 2 s; 0 for a wind from the start.
         wind_begin: f64 = 0.0 => "s" from 0.0 to 1e6,
         /// Radius of the rotors, for `ground` and `wall`; 0 for no such effect.
         rotor_radius: f64 = 0.0 => "m" from 0.0 to 10.0,
