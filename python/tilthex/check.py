@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,40 +95,22 @@ def run(arguments: argparse.Namespace) -> None:
     """Prints the result, and plots it on request."""
     config = named(arguments.config)
     model = LoopModel(config)
-    found = model.hover()
     spread = drawn(config, arguments.truth, arguments.draws) if arguments.draws > 0 else None
+    found = summary(config.vehicle, model, spread, arguments)
     if arguments.json:
-        _json.say(summary(config.vehicle, model, spread, arguments))
-        if arguments.plot:
-            _plot(model, arguments.plot)
-        return
-    worst = f"; worst of {arguments.draws} vehicles of {arguments.truth}" if spread else ""
-    print(f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}")
-    for i, axis in enumerate(model.axes):
-        phase, peak = found["phase_margin_deg"][i], found["sensitivity_peak"][i]
-        good = phase >= LEAST_PHASE_MARGIN and peak <= LARGEST_PEAK
-        line = (
-            f"  {axis:5} {phase:5.1f} deg, {peak:4.2f}; gains times {found['gain_margin'][i]:.3g} and "
-            f"{1e3 * found['delay_margin'][i]:.0f} ms more are the limits; "
-            f"crosses at {found['crossover'][i]:.1f} rad/s"
-        )
-        if spread:
-            line += f"; drawn {spread.phase_margin_deg[i]:.1f} deg, {spread.sensitivity_peak[i]:.2f}"
-            good = good and spread.phase_margin_deg[i] >= LEAST_DRAWN_PHASE_MARGIN
-        print(line + ("" if good else "  <- low"))
-    if spread and spread.unstable:
-        print(f"  {spread.unstable} of the drawn vehicles are unstable")
-    _contact(model, arguments.stiffness, arguments.damping_time)
-    _reach(config.vehicle)
+        _json.say(found)
+    else:
+        print("\n".join(report(found)))
     if arguments.plot:
         _plot(model, arguments.plot)
-        print(f"written: {arguments.plot}")
+        if not arguments.json:
+            print(f"written: {arguments.plot}")
 
 
 def summary(
     vehicle: Vehicle, model: LoopModel, spread: Spread | None, arguments: argparse.Namespace
 ) -> dict[str, Any]:
-    """What is printed, by names. Ranges of stiffness are pairs; 1e6 stands for any stiffness."""
+    """What is reported, by names. Ranges of stiffness are pairs; 1e6 stands for any stiffness."""
     found, damping_time = model.hover(), arguments.damping_time
     stable = found.pop("stable")
     axes = {axis: {name: values[i] for name, values in found.items()} for i, axis in enumerate(model.axes)}
@@ -137,10 +120,6 @@ def summary(
             axes[axis]["drawn_sensitivity_peak"] = spread.sensitivity_peak[i]
     named_axes = list(zip("xyz", np.eye(3), strict=True))
     worst, stiffnesses = model.worst_contact(damping_time=damping_time)
-    try:
-        reach: float | None = polytope.lateral_reach(vehicle)
-    except ValueError:
-        reach = None
     return {
         "vehicle": vehicle.name,
         "stable": stable,
@@ -154,37 +133,76 @@ def summary(
             "along_undamped": {name: model.contact(along=a) for name, a in named_axes},
             "worst": {"direction": worst, "stable": stiffnesses},
             "about": {name: model.contact(about=a, damping_time=damping_time) for name, a in named_axes},
+            "stiffness": arguments.stiffness,
             "least_apparent_mass": {
                 name: model.least_apparent_mass(k, arguments.stiffness, damping_time=damping_time)
                 for k, name in enumerate("xyz")
             },
         },
-        "lateral_reach": reach,
+        "reach": _reach(vehicle),
     }
 
 
-def _contact(model: LoopModel, stiffness: float, damping_time: float) -> None:
-    print(
-        f"contact: stable at these stiffnesses, of an environment with {1e3 * damping_time:g} ms of damping; "
-        "in brackets: the largest without damping"
+def _reach(vehicle: Vehicle) -> dict[str, Any]:
+    """Forces in a level hover, N, or why there are none."""
+    ways = zip(("x", "y", "down", "up"), [*np.eye(3)[:2], [0, 0, -1], [0, 0, 1]], strict=True)
+    try:
+        return {
+            "sideways": polytope.lateral_reach(vehicle),
+            "push": {name: polytope.push(vehicle, direction) for name, direction in ways},
+        }
+    except ValueError as error:
+        return {"refused": str(error)}
+
+
+def report(found: dict[str, Any]) -> Iterator[str]:
+    """The lines for a person, of a `summary`."""
+    drawn = found["drawn"]
+    worst = f"; worst of {drawn['draws']} vehicles of {drawn['truth']}" if drawn else ""
+    yield f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}"
+    for axis, margins in found["axes"].items():
+        phase, peak = margins["phase_margin_deg"], margins["sensitivity_peak"]
+        good = phase >= LEAST_PHASE_MARGIN and peak <= LARGEST_PEAK
+        line = (
+            f"  {axis:5} {phase:5.1f} deg, {peak:4.2f}; gains times {margins['gain_margin']:.3g} and "
+            f"{1e3 * margins['delay_margin']:.0f} ms more are the limits; "
+            f"crosses at {margins['crossover']:.1f} rad/s"
+        )
+        if drawn:
+            least = margins["drawn_phase_margin_deg"]
+            line += f"; drawn {least:.1f} deg, {margins['drawn_sensitivity_peak']:.2f}"
+            good = good and least >= LEAST_DRAWN_PHASE_MARGIN
+        yield line + ("" if good else "  <- low")
+    if drawn and drawn["unstable"]:
+        yield f"  {drawn['unstable']} of the drawn vehicles are unstable"
+    yield from _contact(found["contact"])
+    reach = found["reach"]
+    if "refused" in reach:
+        yield f"rotors: {reach['refused']}"
+        return
+    sideways = f"{reach['sideways']:.1f} N sideways at the centre of mass"
+    pushes = ", ".join(f"{name} {force:.1f}" for name, force in reach["push"].items())
+    yield f"rotors, in a level hover: {sideways}; the tip pushes [N]: {pushes}"
+
+
+def _contact(contact: dict[str, Any]) -> Iterator[str]:
+    yield (
+        "contact: stable at these stiffnesses, of an environment with "
+        f"{1e3 * contact['damping_time']:g} ms of damping; in brackets: the largest without damping"
     )
-    for name, direction in zip("xyz", np.eye(3), strict=True):
-        with_it = model.contact(along=direction, damping_time=damping_time)
-        without = model.contact(along=direction)
-        print(f"  along {name}: {_ranges(with_it, 'N/m')} ({border(without, 'N/m')})")
-    direction, found = model.worst_contact(damping_time=damping_time)
-    print(f"  worst, along {np.round(direction, 2).tolist()}: {_ranges(found, 'N/m')}")
-    for name, direction in zip("xyz", np.eye(3), strict=True):
-        found = model.contact(about=direction, damping_time=damping_time)
-        print(f"  tip held, about {name}: {_ranges(found, 'N m/rad')}")
-    for axis, name in enumerate("xyz"):
-        least = model.least_apparent_mass(axis, stiffness, damping_time=damping_time)
+    for name, ranges in contact["along"].items():
+        yield f"  along {name}: {_ranges(ranges, 'N/m')} ({border(contact['along_undamped'][name], 'N/m')})"
+    worst = contact["worst"]
+    yield f"  worst, along {np.round(worst['direction'], 2).tolist()}: {_ranges(worst['stable'], 'N/m')}"
+    for name, ranges in contact["about"].items():
+        yield f"  tip held, about {name}: {_ranges(ranges, 'N m/rad')}"
+    for name, least in contact["least_apparent_mass"].items():
         meaning = (
             f"unstable below an apparent mass of {least:.3g} kg"
             if math.isfinite(least)
             else "not stable as it is"
         )
-        print(f"  along {name}, up to {stiffness:g} N/m: {meaning}")
+        yield f"  along {name}, up to {contact['stiffness']:g} N/m: {meaning}"
 
 
 def _number(stiffness: float) -> str:
@@ -200,20 +218,6 @@ def _ranges(found: list[tuple[float, float]], unit: str) -> str:
 def border(found: list[tuple[float, float]], unit: str) -> str:
     """Up to which stiffness all contact is stable, in words."""
     return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
-
-
-def _reach(vehicle: Vehicle) -> None:
-    try:
-        sideways = f"{polytope.lateral_reach(vehicle):.1f} N sideways at the centre of mass"
-        pushes = ", ".join(
-            f"{name} {polytope.push(vehicle, direction):.1f}"
-            for name, direction in zip(
-                ("x", "y", "down", "up"), [*np.eye(3)[:2], [0, 0, -1], [0, 0, 1]], strict=True
-            )
-        )
-        print(f"rotors, in a level hover: {sideways}; the tip pushes [N]: {pushes}")
-    except ValueError as error:
-        print(f"rotors: {error}")
 
 
 def _plot(model: LoopModel, path: Path) -> None:

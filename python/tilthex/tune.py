@@ -39,37 +39,43 @@ def add_parser(subparsers: Any) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Prints the sections."""
+    """Prints the sections, or writes them."""
+    config = named(arguments.config)
+    found = summary(config)
     if arguments.json:
-        config = named(arguments.config)
-        sections = LoopModel(config).derive()
-        margins = {
-            name: LoopModel(one).hover()
-            for name, one in (("before", config), ("now", config.replace(**sections)))
-        }
-        _json.say({"sections": sections, "axes": LoopModel.axes} | margins)
-        return
-    text = "\n".join(tuned(named(arguments.config))) + "\n"
+        _json.say(found)
+        if not arguments.out:
+            return
+    text = "\n".join(tuned(config, found)) + "\n"
     if arguments.out:
         arguments.out.write_text(text, encoding="utf-8")
-        print(f"written: {arguments.out}")
-    else:
-        sys.stdout.write(text)
+    if not arguments.json:
+        sys.stdout.write(f"written: {arguments.out}\n" if arguments.out else text)
 
 
-def tuned(config: Config) -> Iterator[str]:
-    """The lines of the sections `pose_control` and `wrench_observer`, with the reasons for the gains."""
+def summary(config: Config) -> dict[str, Any]:
+    """The derived sections, and the margins of each axis before, now, and at the worst of drawn vehicles."""
     sections = LoopModel(config).derive()
     result = config.replace(**sections)
-    model, before = LoopModel(result), LoopModel(config).hover()
-    found, spread = model.hover(), drawn(result, "measured", DRAWS)
+    return {
+        "sections": sections,
+        "axes": LoopModel.axes,
+        "before": LoopModel(config).hover(),
+        "now": LoopModel(result).hover(),
+        "drawn": drawn(result, "measured", DRAWS),
+    }
+
+
+def tuned(config: Config, found: dict[str, Any]) -> Iterator[str]:
+    """The lines of the sections `pose_control` and `wrench_observer`, with the reasons for the gains."""
+    sections, before, now, spread = found["sections"], found["before"], found["now"], found["drawn"]
     yield f"# Derived by `tilthex tune` for {config.vehicle.name}: the fastest critically damped loops with"
     yield f"# {LEAST_PHASE_MARGIN:g} degrees of phase margin and a sensitivity peak of {LARGEST_PEAK:g}."
     yield f"# axis   before        now           worst of {DRAWS} vehicles of measured"
-    for i, axis in enumerate(model.axes):
+    for i, axis in enumerate(found["axes"]):
         yield (
             f"# {axis:5} {before['phase_margin_deg'][i]:5.1f} {before['sensitivity_peak'][i]:5.2f}   "
-            f"{found['phase_margin_deg'][i]:5.1f} {found['sensitivity_peak'][i]:5.2f}   "
+            f"{now['phase_margin_deg'][i]:5.1f} {now['sensitivity_peak'][i]:5.2f}   "
             f"{spread.phase_margin_deg[i]:5.1f} {spread.sensitivity_peak[i]:5.2f}"
         )
     yield "[pose_control]"
@@ -80,6 +86,7 @@ def tuned(config: Config) -> Iterator[str]:
     yield "# At most 30 1/s and 1/0.3 of the loop's pole; 4 1/s for force where tilting stands between."
     yield from (f"{key} = {value}" for key, value in sections["wrench_observer"].items())
     yield ""
+    model = LoopModel(config.replace(**sections))
     yield f"# [admittance] as it is: contact with {1e3 * DAMPING_TIME:g} ms of damping is stable up to"
     for name, direction in zip("xyz", np.eye(3), strict=True):
         yield f"#   along {name}: {border(model.contact(along=direction, damping_time=DAMPING_TIME), 'N/m')}"
