@@ -124,6 +124,8 @@ def sentence(result, status):
         (["--port", "/dev/null", "--no-battery-limits"], 2, "--take-off"),
         (["--port", "/dev/null", "--take-off"], 2, "--no-battery-limits"),
         (["replay", "/dev/null"], 2, "it is a device; expected a file"),
+        (["replay", "--port", "/dev/null", "x.mcap"], 2, "unexpected argument '--port'"),
+        (["--port", "/dev/null", "campaign"], 2, "cannot be used with '--port <DEV>'"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):

@@ -31,11 +31,14 @@ pub use gate::{Gate, GateCounters, GateParams, Verdict};
 pub use line_delay::LineDelay;
 pub use linked::{LinkedFlight, LinkedOutput, LinkedParams, WireInput};
 pub use outgoing::{MAX_BYTES_OUT, Outgoing};
-pub use registry::{Link, LinkKind};
+pub use registry::{Complaint, Link, LinkKind};
 pub use sequence::{Arrival, SequenceClock, SequenceCounters};
 pub use text::{Severity, Text};
 pub use wire::{MAX_BYTES_IN, Wire};
 
+#[cfg(doc)]
+use core::convert::Infallible;
+use core::fmt;
 use tilthex_core::flight::{MotorCommand, Telemetry};
 
 /// Parameters of a link.
@@ -72,6 +75,9 @@ pub struct FrameLengths {
 /// Each tick of the loop first calls [`look`](Self::look) with bytes as they arrive, then [`receive`](Self::receive)
 /// with all of them, then [`command`](Self::command). None of these waits, allocates or panics.
 pub trait VehicleLink {
+    /// Why this link is not ready, as a sentence for the operator; [`Infallible`] for a link without such sentences.
+    type Complaint: Copy + fmt::Debug + fmt::Display + PartialEq;
+
     /// Looks at bytes of this tick that have just arrived, in their order, before [`receive`](Self::receive) takes
     /// them. Returns whether an inertial sample is expected, and whether it has arrived. The loop looks at the port
     /// again while an expected sample has not arrived.
@@ -100,7 +106,7 @@ pub trait VehicleLink {
     fn part(&mut self, out: &mut Outgoing);
 
     /// Why the link to a vehicle that has answered is not ready, if the link knows it.
-    fn complaint(&self) -> Option<px4::Complaint> {
+    fn complaint(&self) -> Option<Self::Complaint> {
         None
     }
 }

@@ -1,12 +1,13 @@
 //! The list of all links, one line for each.
 
-use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink, px4::Complaint};
+use crate::{FrameLengths, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink};
+use core::fmt;
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
 };
 
-/// Makes [`LinkKind`] and [`Link`] from a list of `Name => "key", "vehicles with this link", "what a vehicle does in
+/// Makes [`LinkKind`], [`Link`] and [`Complaint`] from a list of `Name => "key", "vehicles with this link", "what a vehicle does in
 /// flight when no messages arrive any more", host type`.
 macro_rules! links {
     ($($(#[$doc:meta])* $kind:ident => $name:literal, $vehicles:literal, $alone:literal, $host:ty;)+) => {
@@ -64,7 +65,21 @@ macro_rules! links {
             }
         }
 
+        /// Why any link is not ready, as a sentence for the operator.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum Complaint {
+            $($(#[$doc])* $kind(<$host as VehicleLink>::Complaint),)+
+        }
+
+        impl fmt::Display for Complaint {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                match self { $(Self::$kind(complaint) => complaint.fmt(f),)+ }
+            }
+        }
+
         impl VehicleLink for Link {
+            type Complaint = Complaint;
+
             fn look(&mut self, bytes: &[u8]) -> InertialDue {
                 match self { $(Self::$kind(link) => link.look(bytes),)+ }
             }
@@ -90,7 +105,7 @@ macro_rules! links {
                 match self { $(Self::$kind(link) => link.part(out),)+ }
             }
             fn complaint(&self) -> Option<Complaint> {
-                match self { $(Self::$kind(link) => link.complaint(),)+ }
+                match self { $(Self::$kind(link) => link.complaint().map(Complaint::$kind),)+ }
             }
         }
     };

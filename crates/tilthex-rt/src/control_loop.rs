@@ -13,7 +13,7 @@ use tilthex_core::{
     supervisor::{Fault, FaultSet, Phase},
 };
 use tilthex_link::{
-    InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput, px4::Complaint,
+    Complaint, InertialDue, LinkedFlight, LinkedOutput, MAX_BYTES_IN, Outgoing, VehicleLink, WireInput,
 };
 use tilthex_sim::feed::{Feed, Tick, Timing};
 

@@ -7,7 +7,7 @@ use std::sync::{
 
 use rtrb::{Consumer, Producer, RingBuffer};
 use tilthex_core::flight::Record;
-use tilthex_link::{LinkedOutput, Wire, px4::Complaint};
+use tilthex_link::{Complaint, LinkedOutput, Wire};
 
 /// How many ticks the ring holds. If the disk stands still for longer than this, ticks are dropped.
 const RING: usize = 512;

@@ -10,6 +10,7 @@ use tilthex_core::{
     supervisor::{Fault, Phase},
 };
 use tilthex_link::{
+    Complaint::Px4,
     LinkedFlight, LinkedOutput, MAX_BYTES_IN, VehicleLink, WireInput,
     px4::{
         Complaint, Topic,
@@ -214,7 +215,7 @@ fn what_px4_does_not_send_is_named_with_what_mends_it() {
     world.run(6.0, |_, _| false);
     assert_eq!(world.linked.flight.supervisor().phase(), Phase::Disarmed);
     let complaint = world.linked.link.complaint().unwrap();
-    let Complaint::Slow { topic: Topic::SensorCombined, found, expected } = complaint else {
+    let Px4(Complaint::Slow { topic: Topic::SensorCombined, found, expected }) = complaint else {
         panic!("{complaint}")
     };
     assert!((found - 100.0).abs() < 2.0 && expected == 500.0, "{complaint}");
@@ -226,7 +227,7 @@ fn a_host_that_is_started_again_in_flight_stops_motors_by_the_order_to_kill_only
     let mut world = World::new(vec![], |_| {});
     world.flies();
     world.linked = World::new(vec![], |_| {}).linked;
-    let complains = |world: &World| world.linked.link.complaint() == Some(Complaint::Armed);
+    let complains = |world: &World| world.linked.link.complaint() == Some(Px4(Complaint::Armed));
     let disarmed = |world: &World, _: &Record| !world.simulation.firmware().is_armed();
     assert!(world.run(6.0, |world, _| complains(world)), "{:?}", world.linked.link.complaint());
     assert!(!world.run(2.0, disarmed), "the failsafe of the board flies");

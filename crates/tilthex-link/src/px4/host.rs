@@ -263,6 +263,8 @@ impl Host {
 }
 
 impl VehicleLink for Host {
+    type Complaint = Complaint;
+
     fn look(&mut self, bytes: &[u8]) -> InertialDue {
         for byte in bytes {
             if let Some(message) = self.looked.push(*byte)

@@ -9,6 +9,7 @@ use crate::{
     Awaited, FrameLengths, Gate, GateCounters, GateParams, InertialDue, LinkParams, Outgoing, Severity, Text,
     VehicleLink, Verdict,
 };
+use core::convert::Infallible;
 use tilthex_core::{
     Error,
     flight::{MotorCommand, Telemetry},
@@ -245,6 +246,8 @@ impl Host {
 }
 
 impl VehicleLink for Host {
+    type Complaint = Infallible;
+
     fn look(&mut self, bytes: &[u8]) -> InertialDue {
         if self.scan.finds_imu(bytes) {
             self.awaited.arrive();

@@ -1,11 +1,11 @@
 //! The arguments of `tilthex-rt`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Parser, Subcommand};
 use toml::{Table, Value};
 
-use tilthex_config::{Config, VehicleSection};
+use tilthex_config::{Config, ConfigError, VehicleSection};
 use tilthex_sim::campaign::Kind;
 
 use crate::{
@@ -22,27 +22,13 @@ use crate::{
 /// failed; 5 a replayed log breaks off; 6 this computer denies what the program needs; 130 interrupted (the vehicle
 /// landed).
 #[derive(Clone, Debug, Parser)]
-#[command(version, max_term_width = 100, subcommand_negates_reqs = true)]
+#[command(version, max_term_width = 100, args_conflicts_with_subcommands = true)]
 pub struct Args {
     #[command(subcommand)]
     pub(super) action: Option<Action>,
 
-    /// The vehicle's serial port: a path, or the USB serial number of its adapter; unix:PATH for tilthex-sim --socket;
-    /// px4://PORT[?baud=N] or px4+udp://:PORT for a PX4
-    #[arg(long, value_name = "DEV", global = true)]
-    pub port: Option<String>,
-
-    /// Speed of the serial line, bits/s; 0 does not change it [default: the configuration's]
-    #[arg(long, value_name = "N", global = true)]
-    pub baud: Option<u32>,
-
-    /// The configuration to fly with [default: that of the preset tilt-hex]
-    #[arg(long, value_name = "FILE.toml", global = true)]
-    pub config: Option<PathBuf>,
-
-    /// Source of the poses, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
-    #[arg(long, value_name = "URI", global = true)]
-    pub mocap: Option<String>,
+    #[command(flatten)]
+    pub(super) setup: Setup,
 
     /// Way-points to fly after take-off [default: hover]
     #[arg(long, value_name = "FILE.toml")]
@@ -102,10 +88,6 @@ pub struct Args {
     #[arg(long)]
     pub no_battery_limits: bool,
 
-    /// What to do if this computer denies real-time rights
-    #[arg(long, value_enum, default_value = "prefer", global = true)]
-    pub realtime: Demand,
-
     /// Also run a thread that only sleeps, and report its delays for comparison; always with --sim
     #[arg(long)]
     pub reference: bool,
@@ -115,11 +97,36 @@ pub struct Args {
     pub print_config: bool,
 }
 
+/// The vehicle, its configuration and how they are reached.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Setup {
+    /// The vehicle's serial port: a path, or the USB serial number of its adapter; unix:PATH for tilthex-sim --socket;
+    /// px4://PORT[?baud=N] or px4+udp://:PORT for a PX4
+    #[arg(long, value_name = "DEV")]
+    pub(super) port: Option<String>,
+
+    /// Speed of the serial line, bits/s; 0 does not change it [default: the configuration's]
+    #[arg(long, value_name = "N")]
+    pub(super) baud: Option<u32>,
+
+    /// The configuration to fly with [default: that of the preset tilt-hex]
+    #[arg(long, value_name = "FILE.toml")]
+    pub(super) config: Option<PathBuf>,
+
+    /// Source of the poses, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
+    #[arg(long, value_name = "URI")]
+    pub(super) mocap: Option<String>,
+
+    /// What to do if this computer denies real-time rights
+    #[arg(long, value_enum, default_value = "prefer")]
+    pub(super) realtime: Demand,
+}
+
 /// An action instead of a flight.
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Action {
     /// Check this computer before a flight, and say what to correct
-    Doctor,
+    Doctor(Setup),
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit
     Replay {
         /// The log
@@ -127,6 +134,9 @@ pub(super) enum Action {
     },
     /// Fly many flights with random faults, in simulation on virtual time
     Campaign {
+        /// The configuration to fly with [default: that of the preset tilt-hex]
+        #[arg(long, value_name = "FILE.toml")]
+        config: Option<PathBuf>,
         /// Number of flights
         #[arg(long, short, default_value_t = 1000)]
         number: u64,
@@ -158,13 +168,13 @@ impl Args {
     /// One sentence.
     pub fn check_start(&self, config: &Config) -> Result<(), Failure> {
         let limited = config.supervisor().battery_low > 0.0 && config.supervisor().battery_critical > 0.0;
-        if self.port.is_some() && !limited && !self.no_battery_limits {
+        if self.setup.port.is_some() && !limited && !self.no_battery_limits {
             return Err(Failure::usage(
                 "the battery has no limits: give battery_low and battery_critical (V) in [supervisor] of the configuration, or \
                  fly without them with --no-battery-limits",
             ));
         }
-        if self.take_off || self.control.is_some() || !(self.sim || self.port.is_some()) {
+        if self.take_off || self.control.is_some() || !(self.sim || self.setup.port.is_some()) {
             return Ok(());
         }
         Err(Failure::usage(
@@ -177,10 +187,28 @@ impl Args {
     /// # Errors
     /// One sentence: the file, the section, the key.
     pub fn config(&self) -> Result<Config, Failure> {
-        let read = || match &self.config {
-            Some(path) => Config::from_file(path),
-            None => VehicleSection::preset("tilt-hex").map(Config::default_for),
-        };
+        let config = self.setup.config(self.log.as_deref())?;
+        if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
+            return Err(Failure::usage("--duration is not a time; expected seconds, 0 or more"));
+        }
+        Ok(config)
+    }
+}
+
+impl Setup {
+    /// The vehicle's port.
+    ///
+    /// # Errors
+    /// One sentence: it is no port.
+    pub(super) fn uri(&self) -> Result<Option<VehicleUri>, Failure> {
+        self.port.as_deref().map(VehicleUri::parse).transpose()
+    }
+
+    /// The configuration that the arguments name, which writes to another log if one is given.
+    ///
+    /// # Errors
+    /// One sentence: the file, the section, the key.
+    pub(super) fn config(&self, log: Option<&Path>) -> Result<Config, Failure> {
         let mut changes = Table::new();
         let mut change = |section: &str, key: &str, value: Option<Value>| {
             let section = changes.entry(section).or_insert_with(|| Value::Table(Table::new()));
@@ -188,7 +216,7 @@ impl Args {
                 section.insert(key.into(), value);
             }
         };
-        let uri = self.port.as_deref().map(VehicleUri::parse).transpose()?;
+        let uri = self.uri()?;
         let named = uri.as_ref().and_then(|uri| uri.baud);
         if let (Some(one), Some(other)) = (self.baud, named)
             && one != other
@@ -204,11 +232,18 @@ impl Args {
         change("link", "protocol", link.map(|link| link.name().into()));
         change("link", "baud", self.baud.or(named).map(|baud| i64::from(baud).into()));
         change("mocap", "uri", self.mocap.clone().map(Value::String));
-        change("log", "path", self.log.as_ref().map(|path| path.display().to_string().into()));
-        let config = read().and_then(|config| config.overlaid(changes))?;
-        if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
-            return Err(Failure::usage("--duration is not a time; expected seconds, 0 or more"));
-        }
-        Ok(config)
+        change("log", "path", log.map(|path| path.display().to_string().into()));
+        Ok(read(self.config.as_deref())?.overlaid(changes)?)
+    }
+}
+
+/// The configuration in a file; without one that of the preset.
+///
+/// # Errors
+/// One sentence: the file, the section, the key.
+pub(super) fn read(path: Option<&Path>) -> Result<Config, ConfigError> {
+    match path {
+        Some(path) => Config::from_file(path),
+        None => VehicleSection::preset("tilt-hex").map(Config::default_for),
     }
 }

@@ -112,9 +112,9 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
             patience: args.take_off.then_some(PATIENCE),
         },
     };
-    let running = start(control_loop, args.realtime)?;
+    let running = start(control_loop, args.setup.realtime)?;
     let reference =
-        (args.sim || args.reference).then(|| Reference::start(period, args.realtime).ok()).flatten();
+        (args.sim || args.reference).then(|| Reference::start(period, args.setup.realtime).ok()).flatten();
     let keys = Keys::watch(flags.clone());
     if keys.is_some() {
         say!("Ctrl-C lands; the key K (capital letter) stops the motors at once");
@@ -140,7 +140,7 @@ struct Peers {
 impl Peers {
     /// Connects to those that the arguments and the configuration name.
     fn connect(args: &Args, config: &Config, client: ClientParams) -> Result<Self, Failure> {
-        let Some(port) = &args.port else {
+        let Some(port) = &args.setup.port else {
             return Err(Failure::usage(
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
             ));

@@ -14,7 +14,6 @@ use crate::{
     Failure,
     doctor::{self, Verdict},
     failure, output, replay,
-    vehicle_uri::VehicleUri,
 };
 use args::Action;
 
@@ -30,9 +29,9 @@ pub fn run() -> Result<(), Failure> {
     match &args.action {
         None if args.print_config => output::print(&args.config()?.to_toml()),
         None => fly::fly(&args),
-        Some(Action::Doctor) => {
-            let port = args.port.as_deref().map(VehicleUri::parse).transpose()?.map(|uri| uri.name);
-            let checks = doctor::examine(&args.config()?, port.as_deref(), args.realtime);
+        Some(Action::Doctor(setup)) => {
+            let port = setup.uri()?.map(|uri| uri.name);
+            let checks = doctor::examine(&setup.config(None)?, port.as_deref(), setup.realtime);
             let text: Vec<_> = checks.iter().map(|check| format!("{check}\n")).collect();
             output::print(&text.concat())?;
             let bad = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
@@ -59,10 +58,10 @@ pub fn run() -> Result<(), Failure> {
                 }
             }
         }
-        Some(Action::Campaign { number, seed, faults, truth }) => {
+        Some(Action::Campaign { config, number, seed, faults, truth }) => {
             let kinds = if faults.is_empty() { Kind::ALL } else { faults };
             let truth = TruthSection::named(truth)?;
-            fly_campaign(&args.config()?, &truth, kinds, *number, *seed)
+            fly_campaign(&args::read(config.as_deref())?, &truth, kinds, *number, *seed)
         }
     }
 }

@@ -6,7 +6,7 @@ use std::{
 };
 
 use tilthex_core::supervisor::Phase;
-use tilthex_link::px4::Complaint;
+use tilthex_link::Complaint;
 use tilthex_sim::feed::Tick;
 
 use super::fly::Running;
