@@ -83,6 +83,22 @@ fn what_failed_once_is_mended() {
     }
 }
 
+/// A step of the accelerometer's bias is a wrong accelerometer, not false poses: while it lasts and after it has ended.
+#[test]
+fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {
+    for (seed, begin, duration, strength, index) in [
+        (1600615, 0.27, 0.55, 0.951, 0),
+        (1700079, 0.78, 2.14, 0.743, 3),
+        (1700103, 1.51, 0.81, 0.866, 34),
+        (1700107, 0.19, 1.08, 0.941, 29),
+    ] {
+        let fault = Injection { kind: Kind::AccelerometerBias, begin, duration, strength, index };
+        let outcome = campaign::fly(hovering(), vec![fault], seed);
+        assert!(!outcome.seen.contains(Fault::PoseContradicts), "{outcome:?}");
+        assert_eq!(outcome.failure, None, "{outcome:?}");
+    }
+}
+
 /// A latency that is found in the first hover is subtracted: the vehicle lands and needs no emergency.
 #[test]
 fn poses_that_were_found_late_land_the_vehicle() {

@@ -51,6 +51,8 @@ struct Window {
     missed: f64,
     /// Deviations of position and velocity at its begin, m and m/s.
     began: (f64, f64),
+    /// Integral of the external force that the IMU shows, N s, world.
+    impulse_w: Vector3,
 }
 
 impl Window {
@@ -59,19 +61,31 @@ impl Window {
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         let reckoned = Navigation { gyro_bias_i, accelerometer_bias_i, ..*state };
         let from_w = state.position_w;
-        Self { reckoned, from_w, time: 0.0, length, without: 0.0, missed: 0.0, began }
+        Self {
+            reckoned,
+            from_w,
+            time: 0.0,
+            length,
+            without: 0.0,
+            missed: 0.0,
+            began,
+            impulse_w: Vector3::zeros(),
+        }
     }
 
     /// Whether the accelerometer explains a contradiction. The rotors are the third source: a wrong accelerometer
-    /// shows a force that does not exist.
-    fn shows_a_force(&self, state: &Navigation, external_r: &Wrench, vehicle: &Vehicle) -> bool {
+    /// shows a force, N, world, that does not exist: now, or in the mean of the window if it is right again.
+    fn shows_a_force(&self, state: &Navigation, force_w: &Vector3, vehicle: &Vehicle) -> bool {
         let off_velocity_w = state.velocity_w - self.reckoned.velocity_w;
-        let needed_w = -vehicle.mass() * off_velocity_w / self.time.max(SHORTEST);
-        let force_w = state.rotation_wi * (vehicle.imu().rotation_r.transpose() * external_r.force);
-        // A force that begins within the window is larger than its mean over the window.
-        let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
-        let across = (force_w.norm_squared() - along * along).max(0.0);
-        along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
+        let time = self.time.max(SHORTEST);
+        let needed_w = -vehicle.mass() * off_velocity_w / time;
+        let explains = |force_w: &Vector3| {
+            let along = force_w.dot(&needed_w) / needed_w.norm().max(f64::MIN_POSITIVE);
+            let across = (force_w.norm_squared() - along * along).max(0.0);
+            // A force that begins within the window is larger than its mean over the window.
+            along > PART * needed_w.norm() && across < ACROSS * ACROSS * along * along
+        };
+        explains(force_w) || explains(&(self.impulse_w / time))
     }
 }
 
@@ -209,6 +223,11 @@ impl CaptureWatch {
         let fresh = Window::from(&state, &rest, CAPTURE_WINDOW, certain);
         let window = self.window.get_or_insert(fresh);
         window.without = window.without.max(health.position_age);
+        // The force that the rotors do not explain if the window's bias of the accelerometer is right.
+        let learnt_i = state.accelerometer_bias_i - window.reckoned.accelerometer_bias_i;
+        let force_i = vehicle.imu().rotation_r.transpose() * external_r.force + learnt_i * vehicle.mass();
+        let force_w = state.rotation_wi * force_i;
+        window.impulse_w += force_w * dt;
         let window = *window;
         // Without poses the errors of the IMU grow; true poses correct them.
         let drift = DRIFT.0 * window.without + DRIFT.1 * window.without * window.without;
@@ -245,7 +264,7 @@ impl CaptureWatch {
             self.excused = self.excused.saturating_add(1);
             return Some(Verdict::GyroIsOff);
         }
-        if window.shows_a_force(&state, external_r, vehicle) {
+        if window.shows_a_force(&state, &force_w, vehicle) {
             return None;
         }
         self.lies = true;
