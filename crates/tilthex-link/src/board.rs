@@ -1,10 +1,26 @@
 //! What the simulated flight boards have in common.
 
 use alloc::vec::Vec;
-use tilthex_core::{RotorVector, plant::ImuSample};
+use tilthex_core::{
+    RotorVector,
+    plant::{Battery, ImuSample},
+};
+
+use crate::LinkParams;
+pub use crate::registry::LinkBoard;
 
 /// Microseconds since the board was powered.
 pub type Micros = u64;
+
+/// What a registered board is made from. `new` of a board takes this, or parameters of its own that are
+/// `From<BoardParams>`.
+#[derive(Clone, Copy, Debug)]
+pub struct BoardParams {
+    /// Its battery at the start.
+    pub battery: Battery,
+    /// The parameters of the host's end: the throttles of its motors, the periods of its streams.
+    pub link: LinkParams,
+}
 
 /// What the board's sensors measure when a stream is due.
 #[derive(Clone, Copy, Debug)]

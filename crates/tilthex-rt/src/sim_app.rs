@@ -16,15 +16,15 @@ use clap::Parser;
 use toml::{Table, Value};
 
 use tilthex_config::{Config, TruthSection, VehicleSection};
-use tilthex_link::{LinkKind, board::Board};
+use tilthex_link::{LinkKind, board::LinkBoard};
 use tilthex_mocap::net::{LineParams, MocapUri};
-use tilthex_sim::{Body, Firmware, Pushes, STEP, Simulation, SimulationParams};
+use tilthex_sim::{Body, Pushes, STEP, Simulation, SimulationParams};
 
 use crate::{
     Failure, failure,
     output::say,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Server, World, px4_board, world::WorldParams},
+    sim::{CAPTURE_EVERY, Capture, Server, World, board, world::WorldParams},
 };
 
 /// A simulated vehicle behind a pseudo-terminal, whose path it prints.
@@ -155,13 +155,8 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
         if let Some(path) = &args.pushes {
             params.pushes = Pushes::read(path)?;
         }
-        return match config.link().kind()? {
-            LinkKind::Tk3 => serve(args, config, Simulation::new(params), CAPTURE_EVERY, line),
-            LinkKind::Px4 => {
-                let board = px4_board(config, &params)?;
-                serve(args, config, Simulation::with_board(params, board), CAPTURE_EVERY, line)
-            }
-        };
+        let board = board(config, &params)?;
+        return serve(args, config, Simulation::with_board(params, board), CAPTURE_EVERY, line);
     };
     let params = WorldParams {
         experiment: experiment.clone(),
@@ -175,27 +170,17 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
     let every = (greeting.pose_period / (STEP as f64 * 1e-6)).round().max(1.0) as u64;
     let line = (greeting.pose_latency, greeting.pose_jitter);
     let params = SimulationParams::new(*config.vehicle().vehicle());
-    let plant = params.plant;
-    match config.link().kind()? {
-        LinkKind::Tk3 => {
-            let board = Firmware::new(plant.vehicle(), params.firmware);
-            let simulation = Simulation::with_body(world, plant, greeting.sensors, board, args.seed);
-            serve(args, config, simulation, every, line)
-        }
-        LinkKind::Px4 => {
-            let board = px4_board(config, &params)?;
-            let simulation = Simulation::with_body(world, plant, greeting.sensors, board, args.seed);
-            serve(args, config, simulation, every, line)
-        }
-    }
+    let board = board(config, &params)?;
+    let simulation = Simulation::with_body(world, params.plant, greeting.sensors, board, args.seed);
+    serve(args, config, simulation, every, line)
 }
 
 /// Connects the simulation with a pseudo-terminal and with motion capture. The cameras take a pose every `every` cycles;
 /// their line has the given default latency and jitter (s).
-fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
+fn serve<B: Body + Send + 'static>(
     args: &Args,
     config: &Config,
-    simulation: Simulation<B, F>,
+    simulation: Simulation<B, LinkBoard>,
     every: u64,
     line: (f64, f64),
 ) -> Result<Server, Failure> {
@@ -215,7 +200,7 @@ fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
     let up_axis = config.mocap().up_axis()?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation<B, F>| {
+    let observer = move |at, simulation: &mut Simulation<B, LinkBoard>| {
         cycle += 1;
         if let Some(capture) = capture.as_mut().filter(|_| cycle.is_multiple_of(every)) {
             capture.show(at, simulation);

@@ -8,7 +8,7 @@ use tilthex_config::{
     orders::{self, Orders},
 };
 use tilthex_core::{PoseSample, Wrench, flight::Command};
-use tilthex_link::{LinkKind, LinkedFlight, board::Board};
+use tilthex_link::{LinkedFlight, board::LinkBoard};
 use tilthex_mocap::{
     ClientParams,
     net::{Client, LineParams, MocapUri},
@@ -29,7 +29,7 @@ use crate::{
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
-    sim::{CAPTURE_EVERY, Capture, Hand, Server, px4_board},
+    sim::{CAPTURE_EVERY, Capture, Hand, Server, board},
     vehicle_uri::VehicleUri,
 };
 
@@ -220,31 +220,23 @@ fn recorder_params(
 }
 
 /// Starts the simulated vehicle and its motion capture.
-fn simulate(args: &Args, config: &Config, capture: Capture, truths: TruthFeed) -> Result<Server, Failure> {
+fn simulate(
+    args: &Args,
+    config: &Config,
+    mut capture: Capture,
+    mut truths: TruthFeed,
+) -> Result<Server, Failure> {
     let truth = TruthSection::named(args.truth.as_deref().unwrap_or("exact"));
     let drawn = truth.and_then(|truth| truth.draw(config.vehicle(), args.seed));
     let mut params = SimulationParams::of(&drawn?)?;
     if let Some(path) = &args.pushes {
         params.pushes = Pushes::read(path)?;
     }
-    let hand = args.push_port.map(hand).transpose()?;
-    match config.link().kind()? {
-        LinkKind::Tk3 => serve(Simulation::new(params), capture, hand, truths),
-        LinkKind::Px4 => {
-            let board = px4_board(config, &params)?;
-            serve(Simulation::with_board(params, board), capture, hand, truths)
-        }
-    }
-}
-
-fn serve<F: Board + Send + 'static>(
-    simulation: Simulation<Own, F>,
-    mut capture: Capture,
-    mut hand: Option<Hand>,
-    mut truths: TruthFeed,
-) -> Result<Server, Failure> {
+    let mut hand = args.push_port.map(hand).transpose()?;
+    let board = board(config, &params)?;
+    let simulation = Simulation::with_board(params, board);
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation<Own, F>| {
+    let observer = move |at, simulation: &mut Simulation<Own, LinkBoard>| {
         cycle += 1;
         if cycle.is_multiple_of(CAPTURE_EVERY) {
             if let Some(hand) = &mut hand {

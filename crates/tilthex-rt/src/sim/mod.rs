@@ -7,7 +7,7 @@ mod server;
 pub mod world;
 
 use tilthex_config::Config;
-use tilthex_link::px4::board::{Client, ClientParams};
+use tilthex_link::board::{BoardParams, LinkBoard};
 use tilthex_sim::SimulationParams;
 
 use crate::Failure;
@@ -17,15 +17,12 @@ pub use hand::Hand;
 pub use server::{Observer, Report, Server};
 pub use world::World;
 
-/// A board that behaves like PX4. Its motors need the throttles of the configuration, and its streams have the configured
-/// rates.
+/// The flight board of the simulated vehicle: that of the configured link.
 ///
 /// # Errors
-/// If the configuration has no valid throttle map.
-pub fn px4_board(config: &Config, params: &SimulationParams) -> Result<Client, Failure> {
-    let link = config.linked_params(false)?.link;
-    let periods = (u64::from(link.imu_period_us), u64::from(link.motor_period_us));
-    let battery = params.firmware.battery;
-    let board = ClientParams { battery, throttle: link.throttle, periods, without: None };
-    Ok(Client::new(params.plant.vehicle(), board))
+/// If the configuration has no valid link.
+pub fn board(config: &Config, params: &SimulationParams) -> Result<LinkBoard, Failure> {
+    let linked = config.linked_params(false)?;
+    let board = BoardParams { battery: params.firmware.battery, link: linked.link };
+    Ok(LinkBoard::new(linked.kind, params.plant.vehicle(), board))
 }

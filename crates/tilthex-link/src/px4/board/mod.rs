@@ -11,7 +11,7 @@ use super::{
     ARMED, ActuatorMotors, BatteryStatus, ESCS, EscReport, EscStatus, FIRST_MOTOR, OFFBOARD,
     OffboardControlMode, SensorCombined, ThrottleMap, Topic, TopicMessage, VehicleCommand, VehicleStatus,
 };
-use crate::board::{Board, Measurements, Micros, Noted};
+use crate::board::{Board, BoardParams, Measurements, Micros, Noted};
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vector3, Vehicle,
     plant::{Battery, rotor_current},
@@ -38,6 +38,14 @@ pub struct ClientParams {
     pub periods: (Micros, Micros),
     /// A topic that is missing in its `dds_topics.yaml`: it neither publishes it nor subscribes to it.
     pub without: Option<Topic>,
+}
+
+impl From<BoardParams> for ClientParams {
+    /// Motors that need the throttles of the host's link, streams with its rates, and every topic.
+    fn from(BoardParams { battery, link }: BoardParams) -> Self {
+        let periods = (Micros::from(link.imu_period_us), Micros::from(link.motor_period_us));
+        Self { battery, throttle: link.throttle, periods, without: None }
+    }
 }
 
 /// The board.

@@ -10,7 +10,7 @@ use self::motor::{Event, Motor};
 use super::{HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage, speed};
 use crate::{
     Severity, Text,
-    board::{Board, Measurements, Micros, Noted},
+    board::{Board, BoardParams, Measurements, Micros, Noted},
 };
 use tilthex_core::{
     MAX_ROTORS, RotorVector, Vehicle,
@@ -36,6 +36,13 @@ impl Default for FirmwareParams {
         let identity = Text::new(b"chimera1.1");
         let scales = Identity::parse(identity.as_bytes()).and_then(|known| ImuScales::known(&known));
         Self { identity, scales: scales.unwrap_or(ImuScales::CHIMERA), battery: Battery::new(5.0, 0.9) }
+    }
+}
+
+impl From<BoardParams> for FirmwareParams {
+    /// The default board, with this battery.
+    fn from(params: BoardParams) -> Self {
+        Self { battery: params.battery, ..Self::default() }
     }
 }
 
