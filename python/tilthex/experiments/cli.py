@@ -274,8 +274,8 @@ def _draw_of(experiment: Experiment) -> Callable[[Run, int, int], Run]:
     draw = judge_of(experiment).draw
     if draw is None:
         raise ValueError(
-            f"--random needs an experiment with random cases; {experiment.kind} has none: its module has no Judge with a "
-            "draw (docs/howto/experiment.md)"
+            f"--random needs an experiment with random cases; {experiment.kind} has none: its module has no "
+            "Judge with a draw (docs/howto/experiment.md)"
         )
     return draw
 
