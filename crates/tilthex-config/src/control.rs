@@ -12,7 +12,7 @@ use tilthex_core::{
     admittance::{AdmittanceFilter, AdmittanceParams, Axes as FilterAxes},
     allocation::{Allocator, AllocatorParams, Priority},
     attitude::{AttitudeMode, AttitudeParams, AttitudeSelector},
-    contact::ContactParams,
+    contact::{ContactParams, WindWalk},
     controller::{Controller, ControllerParams},
     free_wrench::FreeWrenchParams,
     plant::{BodyDrag, RotorDrag},
@@ -104,10 +104,12 @@ section! {
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2" from 0.0 to 10.0,
         /// Point at which that force acts, from the centre of mass, robot frame.
         centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
-        /// Standard deviation of each component of the wind.
-        wind_deviation: f64 = ContactParams::default().wind.0 => "m/s" from 1e-3 to 50.0,
-        /// Time in which the wind changes by `wind_deviation`.
-        wind_time: f64 = ContactParams::default().wind.1 => "s" from 0.1 to 1e4,
+        /// Standard deviation of each horizontal component of the wind.
+        wind_deviation: f64 = WindWalk::DEFAULT.horizontal => "m/s" from 1e-3 to 50.0,
+        /// Standard deviation of the vertical component of the wind. With a large one, a steady vertical touch becomes wind in time.
+        vertical_wind_deviation: f64 = WindWalk::DEFAULT.vertical => "m/s" from 1e-3 to 50.0,
+        /// Time in which the wind changes by these deviations.
+        wind_time: f64 = WindWalk::DEFAULT.time => "s" from 0.1 to 1e4,
         /// Standard deviation of the force that is observed without wind and contact.
         force_noise: f64 = ContactParams::default().noise.0 => "N" from 1e-3 to 10.0,
         /// Standard deviation of the torque about the tool that is observed without wind and contact.
@@ -215,7 +217,11 @@ impl ContactSection {
                 area_r: self.drag_area.vector(),
                 centre_r: self.centre_of_pressure.vector(),
             },
-            wind: (self.wind_deviation, self.wind_time),
+            wind: WindWalk {
+                horizontal: self.wind_deviation,
+                vertical: self.vertical_wind_deviation,
+                time: self.wind_time,
+            },
             noise: (self.force_noise, self.torque_noise),
             touch: (self.touch_force, self.touch_torque),
             rate: observer.force.min().min(observer.torque.min()),

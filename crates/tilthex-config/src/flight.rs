@@ -9,7 +9,7 @@ use super::{
 use tilthex_core::{
     estimator::EstimatorParams,
     flight::{Flight, FlightParams, GuidanceParams, WatchParams},
-    model_learning::Calibration,
+    model_learning::{Calibration, ModelPrior},
     trajectory::Limits,
 };
 use tilthex_link::{LinkKind, LinkParams, LinkedParams, px4::ThrottleMap, tk3::ImuScales};
@@ -46,6 +46,7 @@ impl Config {
             controller: *self.controller(),
             estimator: self.estimator_params()?,
             guidance,
+            model_prior: ModelPrior { mass: self.mission.mass_deviation, ..ModelPrior::CAD },
             watch: self.supervisor.params(),
             take_off,
             rotor_speed_age: self.link.rotor_speed_age,

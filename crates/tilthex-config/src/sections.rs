@@ -4,6 +4,7 @@
 #![allow(rustdoc::broken_intra_doc_links)]
 
 use super::{section::section, values::Axes};
+use tilthex_core::model_learning::ModelPrior;
 
 section! {
     /// The link to the vehicle.
@@ -63,6 +64,10 @@ section! {
         /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). The learnt model replaces
         /// the bias.
         calibration: String = "none".into(),
+        /// Standard deviation of the configured mass, as a part of it, which the calibration flight corrects together with the
+        /// thrust: 0.001 for a vehicle that was weighed as it flies. Such a flight does not show the mass, and an error of it
+        /// scales every observed force.
+        mass_deviation: f64 = ModelPrior::CAD.mass => "" from 1e-4 to 0.3,
         /// Largest velocity between way-points.
         max_velocity: f64 = 0.4 => "m/s" from 1e-3 to 10.0,
         /// Largest acceleration between way-points.

@@ -46,14 +46,43 @@ pub struct ContactParams {
     pub body_drag: BodyDrag,
     /// Density of the air, kg/m^3.
     pub air_density: f64,
-    /// Standard deviation of each component of the wind, m/s, and the time in which it changes by as much, s.
-    pub wind: (f64, f64),
+    /// The random walk of the wind.
+    pub wind: WindWalk,
     /// Standard deviations of the wrench that is observed without wind and contact, N and N m, about the tool.
     pub noise: (f64, f64),
     /// Sizes of touches, N and N m, about the tool.
     pub touch: (f64, f64),
     /// Rate of the wrench observer, 1/s: two samples are independent after twice its inverse.
     pub rate: f64,
+}
+
+/// How far a wind strays: it changes by its deviations in a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WindWalk {
+    /// Standard deviation of each horizontal component, m/s.
+    pub horizontal: f64,
+    /// Standard deviation of the vertical component, m/s. Near the ground there are only gusts along the vertical.
+    pub vertical: f64,
+    /// The time in which each component changes by its deviation, s.
+    pub time: f64,
+}
+
+impl WindWalk {
+    /// A wind of 3 m/s. Its gusts, also the vertical ones, deviate by 0.2 of it (Stull, Boundary Layer Meteorology, ch. 1).
+    pub const DEFAULT: Self = Self { horizontal: 3.0, vertical: 0.6, time: 60.0 };
+
+    /// Variances of the components before any observation, (m/s)^2, world.
+    fn variances_w(&self) -> Vector3 {
+        Vector3::new(self.horizontal, self.horizontal, self.vertical).map(|x| x * x)
+    }
+
+    /// The covariance of the wind `dt` seconds later. No variance grows beyond its first value.
+    fn grown(&self, covariance: Option<Matrix3>, dt: f64) -> Matrix3 {
+        let first = self.variances_w();
+        let Some(covariance) = covariance else { return Matrix3::from_diagonal(&first) };
+        let room = (first - covariance.diagonal()).map(|x| x.max(0.0));
+        covariance + Matrix3::from_diagonal(&(first * (dt / self.time)).inf(&room))
+    }
 }
 
 impl Default for ContactParams {
@@ -63,7 +92,7 @@ impl Default for ContactParams {
             rotor_drag: RotorDrag::default(),
             body_drag: BodyDrag::default(),
             air_density: Effects::OFF.air_density,
-            wind: (3.0, 60.0),
+            wind: WindWalk::DEFAULT,
             noise: (0.08, 0.03),
             touch: (0.7, 0.1),
             rate: 30.0,
@@ -85,8 +114,9 @@ impl ContactParams {
             check_range("centre_of_pressure", *place, -10.0, 10.0)?;
         }
         check_range("air_density", self.air_density, 0.0, 10.0)?;
-        check_range("wind_deviation", self.wind.0, 1e-3, 50.0)?;
-        check_range("wind_time", self.wind.1, 0.1, 1e4)?;
+        check_range("wind_deviation", self.wind.horizontal, 1e-3, 50.0)?;
+        check_range("vertical_wind_deviation", self.wind.vertical, 1e-3, 50.0)?;
+        check_range("wind_time", self.wind.time, 0.1, 1e4)?;
         check_range("force_noise", self.noise.0, 1e-3, 10.0)?;
         check_range("torque_noise", self.noise.1, 1e-4, 10.0)?;
         check_range("touch_force", self.touch.0, 1e-3, 100.0)?;
@@ -111,12 +141,7 @@ impl ContactParams {
         let (force, torque) = self.noise;
         let noise = [force * force, torque * torque];
         let touched = [noise[0] + self.touch.0 * self.touch.0, noise[1] + self.touch.1 * self.touch.1];
-        let (deviation, time) = self.wind;
-        let largest = deviation * deviation;
-        let covariance = state.covariance.unwrap_or(Matrix3::from_diagonal_element(largest));
-        let grown = covariance + Matrix3::from_diagonal_element(largest * dt / time);
-        // The covariance never exceeds its first value.
-        let covariance = if grown.trace() > 3.0 * largest { covariance } else { grown };
+        let covariance = self.wind.grown(state.covariance, dt);
         let free = Fit::of(&innovation, &slope, &covariance, noise);
         let contact = Fit::of(&innovation, &slope, &covariance, touched);
         let independent = (0.5 * self.rate * dt).min(1.0);

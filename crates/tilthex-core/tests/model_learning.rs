@@ -14,10 +14,10 @@ use tilthex_core::{
 };
 
 const DT: f64 = 0.002;
+const CAD: ModelPrior = ModelPrior::CAD;
 
 /// A vehicle around a model, with the errors of drawings cut at three deviations, and its centre of mass.
-fn drawn(model: &Vehicle, random: &mut Random) -> (Vehicle, Vector3) {
-    let prior = ModelPrior::CAD;
+fn drawn(model: &Vehicle, prior: &ModelPrior, random: &mut Random) -> (Vehicle, Vector3) {
     let mut normal = |deviation: f64| loop {
         let x = random.normal();
         if x.abs() <= 3.0 {
@@ -62,6 +62,7 @@ fn attitudes() -> [Matrix3; 4] {
 /// Flies hovers of a truth, and what they teach of a model.
 fn hover(
     model: &Vehicle,
+    prior: &ModelPrior,
     truth: &Vehicle,
     attitudes: &[Matrix3],
     random: &mut Random,
@@ -95,7 +96,7 @@ fn hover(
         };
         learner.observe(model, false, &sample, DT);
     }
-    learner.finish(model)
+    learner.finish(model, prior)
 }
 
 fn nobody(_: usize, _: f64) -> Vector3 {
@@ -121,12 +122,12 @@ fn tilted_hovers_take_the_false_wrench_away_at_any_attitude() {
     let (mut before, mut after, mut misfit) = (vec![], vec![], 0.0);
     const COUNT: usize = 60;
     for _ in 0..COUNT {
-        let (truth, _) = drawn(&model, &mut random);
-        let learnt = hover(&model, &truth, &attitudes(), &mut random, nobody).unwrap();
+        let (truth, _) = drawn(&model, &CAD, &mut random);
+        let learnt = hover(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
         before.push(largest(&model, &truth));
         after.push(largest(&learnt.vehicle, &truth));
         misfit += learnt.misfit / COUNT as f64;
-        assert!(learnt.deviation.is_excited(&ModelDeviation::prior(&model)));
+        assert!(learnt.deviation.is_excited(&ModelDeviation::prior(&model, &CAD)));
     }
     let median = |all: &[(f64, f64)]| {
         let (mut force, mut torque): (Vec<_>, Vec<_>) = all.iter().copied().unzip();
@@ -152,8 +153,8 @@ fn deviations_are_those_of_the_errors() {
         numbers[i] += 1.0;
     };
     for _ in 0..100 {
-        let (truth, centre_r) = drawn(&model, &mut random);
-        let learnt = hover(&model, &truth, &attitudes(), &mut random, nobody).unwrap();
+        let (truth, centre_r) = drawn(&model, &CAD, &mut random);
+        let learnt = hover(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
         let (made, deviation) = (learnt.vehicle, learnt.deviation);
         add(0, truth.mass() / made.mass() - 1.0, deviation.mass);
         for axis in 0..3 {
@@ -177,6 +178,24 @@ fn deviations_are_those_of_the_errors() {
     }
 }
 
+/// A vehicle that was weighed keeps its mass: the thrust is corrected, and forces have the right scale.
+#[test]
+fn a_known_mass_gives_forces_their_scale() {
+    let model = tilt_hex();
+    let mut random = Random::new(2004);
+    let weighed = ModelPrior { mass: 0.001, ..CAD };
+    for _ in 0..20 {
+        let (truth, _) = drawn(&model, &weighed, &mut random);
+        let scale = |prior: &ModelPrior, random: &mut Random| {
+            let learnt = hover(&model, prior, &truth, &attitudes(), random, nobody).unwrap();
+            (learnt.vehicle.mass() / truth.mass() - 1.0, learnt.deviation.mass)
+        };
+        let ((known, sure), (guessed, unsure)) = (scale(&weighed, &mut random), scale(&CAD, &mut random));
+        assert!(known.abs() < 0.005 && sure <= 0.001, "{known} {sure}");
+        assert!(guessed.abs() < 5.0 * unsure && unsure > 0.02, "{guessed} {unsure}");
+    }
+}
+
 fn so3_angle(a: &Vector3, b: &Vector3) -> f64 {
     a.cross(b).norm().atan2(a.dot(b))
 }
@@ -186,11 +205,11 @@ fn a_level_hover_tells_itself_and_says_that_it_tells_no_more() {
     let model = tilt_hex();
     let mut random = Random::new(2003);
     for _ in 0..10 {
-        let (truth, _) = drawn(&model, &mut random);
-        let learnt = hover(&model, &truth, &[Matrix3::identity()], &mut random, nobody).unwrap();
+        let (truth, _) = drawn(&model, &CAD, &mut random);
+        let learnt = hover(&model, &CAD, &truth, &[Matrix3::identity()], &mut random, nobody).unwrap();
         let level = false_wrench(&learnt.vehicle, &truth, &Matrix3::identity());
         assert!(level.force.norm() < 0.1 && level.torque.norm() < 0.01, "{level:?}");
-        let prior = ModelDeviation::prior(&model);
+        let prior = ModelDeviation::prior(&model, &CAD);
         let (now, then) = (learnt.deviation.centre_of_mass_r.z, prior.centre_of_mass_r.z);
         assert!(now > 0.9 * then && learnt.deviation.false_force > 0.05, "{:?}", learnt.deviation);
     }
@@ -200,20 +219,20 @@ fn a_level_hover_tells_itself_and_says_that_it_tells_no_more() {
 fn what_touches_is_refused_with_a_sentence() {
     let model = tilt_hex();
     let mut random = Random::new(2004);
-    let (truth, _) = drawn(&model, &mut random);
+    let (truth, _) = drawn(&model, &CAD, &mut random);
     // A hand that comes and goes.
     let hand = |_: usize, time: f64| Vector3::new(if time > 3.0 { 1.0 } else { 0.0 }, 0.0, 0.0);
-    let refused = hover(&model, &truth, &attitudes(), &mut random, hand).unwrap_err();
+    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, hand).unwrap_err();
     assert!(matches!(refused, Refusal::NotStill { hover: 1, .. }), "{refused:?}");
     assert!(refused.to_string().contains("nothing may touch"), "{refused}");
     // A rope that pulls the same all the time, but not with the vehicle's attitude.
     let rope = |_: usize, _: f64| Vector3::new(3.0, 0.0, 0.0);
-    let refused = hover(&model, &truth, &attitudes(), &mut random, rope).unwrap_err();
+    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, rope).unwrap_err();
     assert!(matches!(refused, Refusal::NotTheModel { .. }), "{refused:?}");
     // Something that is there at one attitude only.
     let table = |k: usize, _: f64| Vector3::new(0.0, 0.0, if k == 2 { 1.0 } else { 0.0 });
-    let refused = hover(&model, &truth, &attitudes(), &mut random, table).unwrap_err();
+    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, table).unwrap_err();
     assert!(matches!(refused, Refusal::NotTheModel { .. }), "{refused:?}");
-    let nothing = hover(&model, &truth, &[], &mut random, nobody).unwrap_err();
+    let nothing = hover(&model, &CAD, &truth, &[], &mut random, nobody).unwrap_err();
     assert_eq!(nothing, Refusal::NoHover);
 }

@@ -211,7 +211,7 @@ impl Loop {
     #[getter]
     fn model_deviation<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let now = *self.flight.model_deviation();
-        let prior = ModelDeviation::prior(self.configured.vehicle());
+        let prior = ModelDeviation::prior(self.configured.vehicle(), self.flight.model_prior());
         let (keys, excited) = (PyDict::new(py), PyDict::new(py));
         let numbers = |d: &ModelDeviation| {
             [

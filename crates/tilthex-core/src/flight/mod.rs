@@ -47,6 +47,7 @@ use crate::{
     controller::{Controller, ControllerOutput, ControllerParams, ControllerState},
     error::check_range,
     estimator::{Estimator, EstimatorParams, StartError},
+    model_learning::ModelPrior,
     plant::LARGEST_ROTOR_SPEED_AGE,
     supervisor::{Facts, Fault, Phase, Supervisor, limits::LINE_LATE},
     types::{RotorVector, Setpoint, Vector3},
@@ -76,6 +77,8 @@ pub struct FlightParams {
     pub estimator: EstimatorParams,
     /// Take-off, bias hover, landing.
     pub guidance: GuidanceParams,
+    /// Standard deviations of the vehicle's errors, before a calibration flight corrects them.
+    pub model_prior: ModelPrior,
     /// Limits; crossing one is a fault.
     pub watch: WatchParams,
     /// Take off as soon as everything is ready, without an order.
@@ -178,7 +181,7 @@ impl Flight {
             known: None,
             learns: false,
             learns_model: false,
-            model: ModelState::new(&vehicle),
+            model: ModelState::new(&vehicle, &params.model_prior),
             start_refused: None,
             guidance: Guidance::new(params.guidance),
             route,

@@ -3,7 +3,7 @@
 use super::{Flight, KnownState};
 use crate::{
     Vehicle,
-    model_learning::{HoverSample, Learnt, ModelDeviation, ModelLearner, Refusal},
+    model_learning::{HoverSample, Learnt, ModelDeviation, ModelLearner, ModelPrior, Refusal},
     so3,
     supervisor::Phase,
     types::{RobotState, RotorVector, Setpoint, Vector3},
@@ -49,14 +49,14 @@ pub struct ModelRecord {
 
 impl ModelState {
     /// The configured model.
-    pub(super) fn new(vehicle: &Vehicle) -> Self {
+    pub(super) fn new(vehicle: &Vehicle, prior: &ModelPrior) -> Self {
         Self {
             learner: ModelLearner::default(),
             learning: false,
             setpoint: None,
             pending: None,
             refused: None,
-            deviation: ModelDeviation::prior(vehicle),
+            deviation: ModelDeviation::prior(vehicle, prior),
             centre_r: Vector3::zeros(),
             hovers: 0,
             misfit: 0.0,
@@ -108,6 +108,12 @@ impl Flight {
         &self.model.deviation
     }
 
+    /// Standard deviations of the model's errors before any calibration.
+    #[must_use]
+    pub fn model_prior(&self) -> &ModelPrior {
+        &self.params.model_prior
+    }
+
     /// Why the last calibration was refused.
     #[must_use]
     pub fn model_refused(&self) -> Option<Refusal> {
@@ -146,7 +152,7 @@ impl Flight {
             return;
         }
         self.model.setpoint = None;
-        match self.model.learner.finish(&vehicle) {
+        match self.model.learner.finish(&vehicle, &self.params.model_prior) {
             Ok(learnt) => {
                 let now = ObserverInput {
                     rotation_wr: robot.rotation_wr,

@@ -31,6 +31,9 @@ const STEADY: (f64, f64) = (0.15, 0.05);
 const CREDIBLE: (f64, f64) = (6.0, 5.0);
 
 /// Standard deviations of a model's errors before any flight.
+///
+/// A flight without contact shows the ratio of thrust and mass. Their deviations divide an error of this ratio between
+/// them. What remains wrong in both scales every observed force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ModelPrior {
     /// Of the mass, as a fraction.
@@ -89,8 +92,8 @@ pub const EXCITED: f64 = 0.5;
 impl ModelDeviation {
     /// The deviations of a vehicle before any flight.
     #[must_use]
-    pub fn prior(vehicle: &Vehicle) -> Self {
-        Estimate::prior().deviations(vehicle, &ModelPrior::CAD)
+    pub fn prior(vehicle: &Vehicle, prior: &ModelPrior) -> Self {
+        Estimate::prior().deviations(vehicle, prior)
     }
 
     /// Whether the hovers determined the false contact at other attitudes, too, compared with the one `before`.
@@ -202,7 +205,7 @@ impl ModelLearner {
     ///
     /// # Errors
     /// Why the hovers do not determine the model. The learner starts again in this case too.
-    pub fn finish(&mut self, vehicle: &Vehicle) -> Result<Learnt, Refusal> {
+    pub fn finish(&mut self, vehicle: &Vehicle, prior: &ModelPrior) -> Result<Learnt, Refusal> {
         self.close(vehicle);
         let done = core::mem::take(self);
         if let Some(refusal) = done.refusal {
@@ -212,9 +215,8 @@ impl ModelLearner {
         if hovers.is_empty() {
             return Err(Refusal::NoHover);
         }
-        let prior = ModelPrior::CAD;
-        let estimate = Estimate::of(vehicle, &prior, hovers);
-        let correction = estimate.correction(vehicle, &prior);
+        let estimate = Estimate::of(vehicle, prior, hovers);
+        let correction = estimate.correction(vehicle, prior);
         let freedom = 6.0 * hovers.len() as f64;
         let credible = freedom + CREDIBLE.0 * libm::sqrt(2.0 * freedom);
         let possible = estimate.misfit <= credible && estimate.is_within(CREDIBLE.1);
@@ -227,7 +229,7 @@ impl ModelLearner {
             return Err(Refusal::NotTheModel { force, torque });
         };
         Ok(Learnt {
-            deviation: estimate.deviations(&corrected, &prior),
+            deviation: estimate.deviations(&corrected, prior),
             vehicle: corrected,
             centre_r: correction.centre_r,
             misfit: estimate.misfit / freedom,
