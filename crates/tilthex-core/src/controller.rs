@@ -382,6 +382,8 @@ impl Controller {
             let (mean, time) = state.bias_estimator.mean();
             if time > 0.0 {
                 state.bias_r = mean;
+                // The wind explained a part of it before.
+                state.contact = ContactState::default();
                 state.bias_estimator = BiasEstimator::default();
             }
         }

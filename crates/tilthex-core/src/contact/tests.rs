@@ -127,3 +127,21 @@ fn off_is_as_before() {
     assert_eq!((told.drag_tool_w, told.part), (Wrench::ZERO, 1.0));
     assert_eq!(rig.state, ContactState::default());
 }
+
+/// The wind that explained errors of a model does not stay when a better model explains them: as a drag that is not
+/// there it would count as contact for ever.
+#[test]
+fn another_model_begins_with_another_wind() {
+    let mut rig = Rig::new(params(), Matrix3::identity(), 3);
+    rig.hold(6.0, &Vector3::new(3.0, 0.0, 0.0), &Vector3::zeros());
+    let mut control = crate::controller::ControllerState { contact: rig.state, ..Default::default() };
+    assert_ne!(control.contact, ContactState::default());
+    let now = crate::wrench_observer::ObserverInput {
+        rotation_wr: rig.robot.rotation_wr,
+        angular_velocity_r: Vector3::zeros(),
+        specific_force_r: Vector3::new(0.0, 0.0, crate::GRAVITY),
+        rotor_speeds: rig.speeds,
+    };
+    control.change_model(&rig.vehicle, &rig.vehicle, &now);
+    assert_eq!(control.contact, ContactState::default());
+}

@@ -36,7 +36,7 @@ pub struct ControllerState {
 impl ControllerState {
     /// Changes to another model of the vehicle without a jump of the commanded wrench: the part of the present
     /// sample that the new model explains is no longer observed as an external wrench. A learnt bias explained
-    /// the same part, and is removed.
+    /// the same part, and is removed, and the estimate of the wind begins again.
     pub fn change_model(&mut self, before: &Vehicle, after: &Vehicle, now: &ObserverInput) {
         let explained = |vehicle: &Vehicle| {
             let given = vehicle.body_wrench(&now.rotor_speeds);
@@ -55,6 +55,8 @@ impl ControllerState {
         self.low_pass.output = tool_w.to_vector();
         self.bias_r = Wrench::ZERO;
         self.bias_estimator = BiasEstimator::default();
+        // The wind explained errors of the model before.
+        self.contact = ContactState::default();
     }
 }
 
