@@ -17,6 +17,7 @@ help:
 	@echo "make demo      fly the simulated Tilt-Hex, push its tool, print a summary"
 	@echo "make test      everything: lints, Rust and Python tests, stubs"
 	@echo "make browser-test  tilthex view in a headless Chromium"
+	@echo "make cluster-test  campaigns on several workers, some of which are killed"
 	@echo "make bench     speed, as ratios against NumPy in the same run"
 	@echo "make bench-rt  the loop's timing on this machine"
 	@echo "make onboard   the blocks on a Cortex-M7 in QEMU: the host's bits, instructions, memory"
@@ -99,6 +100,12 @@ python-test: install
 .PHONY: browser-test
 browser-test: install
 	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py -rs
+
+# Campaigns on workers of Dask and jobs of submitit, some of which are killed.
+.PHONY: cluster-test
+cluster-test: install
+	$(BIN)/pip install --quiet --disable-pip-version-check '.[cluster]'
+	python -m pytest tests/test_executors.py -rs
 
 bench: install
 	$(BIN)/pip install --quiet --disable-pip-version-check '.[bench]'

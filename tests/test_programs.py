@@ -126,6 +126,14 @@ def sentence(result, status):
         (["replay", "/dev/null"], 2, "it is a device; expected a file"),
         (["replay", "--port", "/dev/null", "x.mcap"], 2, "unexpected argument '--port'"),
         (["--port", "/dev/null", "campaign"], 2, "cannot be used with '--port <DEV>'"),
+        (["campaign", "-n", "0"], 2, "'0' for '--number <NUMBER>'"),
+        (["campaign", "--seed", str(2**64 - 1)], 2, "expected a smaller one"),
+        (["campaign", "--save", "/dev/null"], 2, "name a new file with --save"),
+        (["campaign", "--save", "no/such.json"], 2, "there is no folder no"),
+        (["campaign", "merge"], 2, "<FILE.json>"),
+        (["campaign", "-n", "3", "merge", "x.json"], 2, "cannot be used with '--number <NUMBER>'"),
+        (["campaign", "merge", "/dev/null"], 2, "it is a device; expected a file"),
+        (["campaign", "merge", __file__], 2, "expected a file that `campaign --save` wrote"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):
@@ -365,3 +373,19 @@ def test_a_faulty_flight_tells_its_story():
     assert "a motor that stops and shows its emergency bit" in flown.stdout
     assert re.search(r"emergency .* rotor lost", flown.stdout)
     assert flown.stdout.rstrip().endswith("stands, motors off")
+
+
+def test_ranges_of_seeds_merge_into_the_table_of_the_whole(tmp_path):
+    whole, first, second, merged = (tmp_path / f"{name}.json" for name in ("whole", "a", "b", "merged"))
+    flown = run("campaign", "-n", "7", "--seed", "8100", "--save", whole)
+    run("campaign", "-n", "1", "--seed", "8100", "--save", first)
+    run("campaign", "-n", "6", "--seed", "8101", "--save", second)
+    joined = run("campaign", "merge", second, first, "--save", merged)
+    assert joined.stdout == flown.stdout and joined.returncode == flown.returncode
+    assert merged.read_bytes() == whole.read_bytes()
+    twice = sentence(run("campaign", "merge", merged, second), 2)
+    assert "b.json" in twice and "seeds 8101 to 8106" in twice
+    # A file that was changed by hand is refused, whatever its numbers are.
+    for bad in ("[9, 3]", f"[3, {2**64 - 1}]", "[5]", "[-1, 3]"):
+        second.write_text(re.sub(r"\[\s*8100,\s*8100\s*\]", bad, first.read_text()))
+        assert "expected a file that `campaign --save` wrote" in sentence(run("campaign", "merge", second), 2)

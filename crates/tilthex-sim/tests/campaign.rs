@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
+use proptest::prelude::*;
 use tilthex_config::{Config, TruthSection};
 use tilthex_core::supervisor::{Fault, Reaction};
 use tilthex_link::LinkedFlight;
 use tilthex_sim::{
     Push, Pushes, Simulation, SimulationParams,
-    campaign::{self, Injection, Kind, World},
+    campaign::{self, Injection, Kind, Part, World},
 };
 
 fn hovering() -> World {
@@ -128,4 +129,48 @@ fn the_judge_sees_a_vehicle_that_flies_away() {
     let world = World::new(Simulation::new(simulated), LinkedFlight::new(params, None).expect("valid"), 1);
     let failure = campaign::fly(world, vec![], 1).failure.expect("seen");
     assert!(failure.contains("flew "), "{failure}");
+}
+
+/// Parts of one campaign, in any order and in any groups, give exactly the whole.
+#[test]
+fn merged_parts_are_the_whole() {
+    const FIRST: u64 = 4_200_001;
+    const SEEDS: u64 = 6;
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let exact = TruthSection::named("exact").expect("a level");
+    let kinds = [Kind::BitFlips, Kind::RotorStuck, Kind::CaptureLost];
+    let fly = |kinds: &[Kind], count, first| {
+        let summary = campaign::run(&config, &exact, kinds, count, first).expect("it flies");
+        Part::new(&config, &exact, kinds, count, first, summary)
+    };
+    let whole = fly(&kinds, SEEDS, FIRST);
+    assert_eq!(whole.flights(), SEEDS);
+    let single: Vec<_> = (0..SEEDS).map(|k| fly(&kinds, 1, FIRST + k)).collect();
+    let order = Just((0..SEEDS as usize).collect::<Vec<_>>()).prop_shuffle();
+    proptest!(|(order in order, cut in 1..SEEDS as usize)| {
+        let join = |places: &[usize]| {
+            let mut joined = single[places[0]].clone();
+            for &k in &places[1..] {
+                joined.join(single[k].clone()).expect("another seed of the same campaign");
+            }
+            joined
+        };
+        let (mut one, other) = (join(&order[..cut]), join(&order[cut..]));
+        let ranges = one.seeds().to_vec();
+        prop_assert!(one.clone().join(one.clone()).is_err(), "{ranges:?}");
+        one.join(other).expect("the other seeds");
+        prop_assert_eq!(one.seeds(), &[(FIRST, FIRST + SEEDS - 1)]);
+        prop_assert_eq!(one.summary().table(), whole.summary().table());
+        prop_assert_eq!(&one, &whole);
+    });
+    let why = whole.clone().join(fly(&[Kind::BitFlips], 1, 1)).expect_err("other kinds");
+    assert!(why.contains("--faults"), "{why}");
+    let other =
+        Config::from_text("vehicle.preset = \"tilt-hex\"\nadmittance.low_pass_hz = 7.0", Path::new(""));
+    let cad = TruthSection::named("cad").expect("a level");
+    for (config, truth, said) in [(&other.expect("valid"), &exact, "7.0"), (&config, &cad, "another truth")] {
+        let part = Part::new(config, truth, &kinds, 1, 1, whole.summary().clone());
+        let why = whole.clone().join(part).expect_err("another campaign");
+        assert!(why.contains(said), "{why}");
+    }
 }

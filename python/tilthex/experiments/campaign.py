@@ -1,13 +1,10 @@
-"""Random campaigns: many cases in parallel processes, and a table of the failed ones."""
+"""Random campaigns: many cases in parallel, and a table of the failed ones."""
 
 from __future__ import annotations
 
 import csv
 import html
-import multiprocessing
-import os
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -15,6 +12,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 
 from tilthex.experiments import peg_in_hole
+from tilthex.experiments.executors import Executor
 from tilthex.experiments.flight import fly
 from tilthex.experiments.record import Check
 from tilthex.experiments.spec import Run
@@ -43,14 +41,9 @@ def attempt(run: Run, seed: int, index: int, exact: bool) -> Attempt:
     return Attempt(index, world["tilt_deg"], world["direction_deg"], world["friction"], found, record.ended)
 
 
-def fly_all(run: Run, seed: int, count: int, *, exact: bool, jobs: int | None) -> Iterator[Attempt]:
-    """Flies `count` cases in `jobs` processes, and yields each as it ends."""
-    jobs = max(1, min(count, jobs or os.cpu_count() or 1))
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
-        waiting = [pool.submit(attempt, run, seed, index, exact) for index in range(count)]
-        for done in as_completed(waiting):
-            yield done.result()
+def fly_all(run: Run, seed: int, count: int, *, exact: bool, executor: Executor) -> Iterator[Attempt]:
+    """Flies `count` cases with an executor, and yields each as it ends."""
+    yield from executor(attempt, [(run, seed, index, exact) for index in range(count)])
 
 
 def reason(found: Attempt) -> str:

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 NEEDED = {"mujoco": "MuJoCo", "scipy": "SciPy", "matplotlib": "Matplotlib", "tqdm": "tqdm"}
 _BAR: dict[str, Any] = {"file": sys.stderr, "leave": False, "disable": None}
 """Shows progress only on a terminal, not in a file or a pipe."""
+EXECUTORS = (
+    "who flies the cases: local (processes of this computer), dask://HOST:PORT (workers of Dask, by their "
+    "scheduler) or slurm (jobs of SLURM); default: local"
+)
 WIRE_NEEDED = {"mcap": "mcap", "mcap_protobuf": "mcap-protobuf-support"}
 
 
@@ -55,8 +59,12 @@ def add_parser(subparsers: Any) -> None:
         help="with --random: fly only this case, and write its complete report",
     )
     parser.add_argument(
-        "--jobs", type=int, default=None, help="number of processes of a campaign (default: number of cores)"
+        "--jobs",
+        type=int,
+        default=None,
+        help="number of processes of a campaign (default: number of cores), or of jobs of SLURM at once",
     )
+    parser.add_argument("--executor", metavar="WHERE", help="with --random: " + EXECUTORS)
     parser.add_argument(
         "--vehicle", metavar="NAME", help="fly another vehicle: a preset or a TOML file (default: the file's)"
     )
@@ -86,6 +94,10 @@ def run(arguments: argparse.Namespace) -> None:
         )
     if arguments.case is not None and arguments.random is None:
         raise ValueError("--case I is a case of a campaign; give the campaign with --random N --seed S")
+    if arguments.executor is not None and (arguments.random is None or arguments.case is not None):
+        raise ValueError(
+            "--executor says who flies the cases of a campaign; give the campaign with --random N"
+        )
     if arguments.wire and (arguments.random is not None or arguments.state == "exact"):
         raise ValueError(
             "--wire always flies the runs of the file, with the estimator; leave out --random and --state"
@@ -220,8 +232,10 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
     from tqdm import tqdm
 
     from tilthex.experiments import campaign, report
+    from tilthex.experiments.executors import executor
 
     _draw_of(experiment)
+    where = executor(arguments.executor or "local", arguments.jobs, arguments.out / "jobs")
     base = experiment.runs[0]
     found: list[campaign.Attempt] = []
     arguments.out.mkdir(parents=True, exist_ok=True)
@@ -229,7 +243,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
     table = arguments.out / f"{experiment.kind}-random.csv"
     with tqdm(total=arguments.random, unit="case", **_BAR) as bar:
         exact = arguments.state == "exact"
-        for one in campaign.fly_all(base, base.seed, arguments.random, exact=exact, jobs=arguments.jobs):
+        for one in campaign.fly_all(base, base.seed, arguments.random, exact=exact, executor=where):
             found.append(one)
             campaign.write_table(table, found)
             why = campaign.reason(one)

@@ -6,8 +6,8 @@ use clap::{Parser, Subcommand};
 use toml::{Table, Value};
 
 use tilthex_config::{Config, ConfigError, VehicleSection};
-use tilthex_sim::campaign::Kind;
 
+use super::campaign::{Flights, Results};
 use crate::{
     Failure,
     control::{DEFAULT_ADDRESS, Token},
@@ -133,23 +133,12 @@ pub(super) enum Action {
         log: PathBuf,
     },
     /// Fly many flights with random faults, in simulation on virtual time
+    #[command(args_conflicts_with_subcommands = true)]
     Campaign {
-        /// The configuration to fly with [default: that of the preset tilt-hex]
-        #[arg(long, value_name = "FILE.toml")]
-        config: Option<PathBuf>,
-        /// Number of flights
-        #[arg(long, short, default_value_t = 1000)]
-        number: u64,
-        /// Seed of the first flight; each later flight has the next seed
-        #[arg(long, default_value_t = 1)]
-        seed: u64,
-        /// Only faults of these kinds, such as reboot,bit-flips; the error for an unknown kind lists them [default: all]
-        #[arg(long, value_enum, value_delimiter = ',', value_name = "KINDS", hide_possible_values = true)]
-        faults: Vec<Kind>,
-        /// How the vehicles differ from their model, drawn for each seed: exact, measured, cad, outdoors, or a TOML
-        /// file with a `[truth]` table
-        #[arg(long, value_name = "LEVEL", default_value = "exact")]
-        truth: String,
+        #[command(flatten)]
+        flights: Flights,
+        #[command(subcommand)]
+        results: Option<Results>,
     },
 }
 

@@ -1,14 +1,12 @@
 //! The program `tilthex-rt`: from its arguments to its exit status.
 
 mod args;
+mod campaign;
 mod fly;
 mod report;
 mod status;
 
 pub use args::Args;
-
-use tilthex_config::{Config, TruthSection};
-use tilthex_sim::campaign::{self, Kind};
 
 use crate::{
     Failure,
@@ -16,9 +14,6 @@ use crate::{
     failure, output, replay,
 };
 use args::Action;
-
-/// Largest number of failures of a campaign that are shown one by one.
-const SHOWN_FAILURES: usize = 400;
 
 /// Runs the program.
 ///
@@ -58,51 +53,7 @@ pub fn run() -> Result<(), Failure> {
                 }
             }
         }
-        Some(Action::Campaign { config, number, seed, faults, truth }) => {
-            let kinds = if faults.is_empty() { Kind::ALL } else { faults };
-            let truth = TruthSection::named(truth)?;
-            fly_campaign(&args::read(config.as_deref())?, &truth, kinds, *number, *seed)
-        }
-    }
-}
-
-/// Flies many flights with faults and prints their table. Of a single flight it prints every event.
-fn fly_campaign(
-    config: &Config,
-    truth: &TruthSection,
-    kinds: &[Kind],
-    number: u64,
-    seed: u64,
-) -> Result<(), Failure> {
-    if number == 1 {
-        let (outcome, story) = campaign::again(config, truth, kinds, seed)?;
-        let mut text = String::new();
-        for injection in &outcome.injections {
-            text += &format!("{}: {injection:?}\n", injection.kind.text());
-        }
-        text += &story;
-        let end = match (outcome.ended, outcome.toppled) {
-            (true, false) => "stands, motors off",
-            (true, true) => "has toppled, motors off",
-            (false, _) => "does not rest with its motors off",
-        };
-        text +=
-            &format!("worst error {:.3} m, touch-down {:.2} m/s, {end}\n", outcome.deviation, outcome.impact);
-        output::print(&text)?;
-        return outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))));
-    }
-    let summary = campaign::run(config, truth, kinds, number, seed)?;
-    let mut text = summary.table();
-    let failures = summary.failures();
-    for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {
-        text += &format!("failed: seed {seed}: {failure}\n");
-    }
-    output::print(&text)?;
-    match failures.first_key_value() {
-        None => Ok(()),
-        Some((seed, first)) => Err(Failure::fault(format!(
-            "{} of {number} flights with faults failed; the first has the seed {seed} (--number 1 --seed {seed} shows its events): {first}",
-            failures.len()
-        ))),
+        Some(Action::Campaign { results: Some(results), .. }) => campaign::merge(results),
+        Some(Action::Campaign { flights, results: None }) => campaign::fly(flights),
     }
 }

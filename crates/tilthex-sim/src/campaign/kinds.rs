@@ -1,5 +1,7 @@
 //! The kinds of faults. Each has one row, which lists at least one thing that the fault changes.
 
+use serde::{Deserialize, Serialize};
+
 use super::{
     acts::Act::{self, *},
     capture, line, vehicle,
@@ -9,7 +11,8 @@ use super::{
 macro_rules! kinds {
     ($( $name:ident, $text:literal, [$($act:expr),+] $(, $special:ident)?; )*) => {
         /// A kind of fault.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+        #[serde(rename_all = "kebab-case")]
         #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
         pub enum Kind {
             $( #[doc = $text] $name, )*

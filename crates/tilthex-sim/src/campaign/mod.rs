@@ -12,6 +12,7 @@ mod faults;
 mod judge;
 mod kinds;
 mod line;
+mod part;
 mod story;
 mod summary;
 mod vehicle;
@@ -31,6 +32,7 @@ use tilthex_link::{LinkKind, LinkedFlight, LinkedParams};
 pub use faults::Injection;
 pub use judge::Outcome;
 pub use kinds::Kind;
+pub use part::Part;
 pub use summary::Summary;
 pub use world::World;
 

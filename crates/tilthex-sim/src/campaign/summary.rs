@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, fmt::Write as _};
 
+use serde::{Deserialize, Serialize};
 use tilthex_core::supervisor::Reaction;
 
 use super::{
@@ -10,11 +11,12 @@ use super::{
 };
 
 /// The figures of one kind of fault.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Tally {
     flights: u64,
     reactions: [u64; 4],
-    seen: BTreeMap<&'static str, u64>,
+    seen: BTreeMap<String, u64>,
     deviation: f64,
     hard: u64,
     toppled: u64,
@@ -23,7 +25,8 @@ struct Tally {
 }
 
 /// The figures of a campaign.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Summary {
     tallies: BTreeMap<Kind, Tally>,
     failures: BTreeMap<u64, String>,
@@ -47,7 +50,7 @@ impl Summary {
             };
             tally.reactions[reaction] += 1;
             for row in outcome.seen.rows() {
-                *tally.seen.entry(row.name).or_default() += 1;
+                *tally.seen.entry(row.name.to_owned()).or_default() += 1;
             }
             tally.deviation = tally.deviation.max(outcome.deviation);
             tally.hard += u64::from(outcome.impact > HARD);
@@ -55,6 +58,26 @@ impl Summary {
             tally.not_ended += u64::from(!outcome.ended);
             tally.failed += u64::from(outcome.failure.is_some());
         }
+    }
+
+    /// Adds the flights of another campaign. The order does not matter.
+    pub(super) fn join(&mut self, other: Self) {
+        for (kind, theirs) in other.tallies {
+            let ours = self.tallies.entry(kind).or_default();
+            ours.flights += theirs.flights;
+            for (sum, count) in ours.reactions.iter_mut().zip(theirs.reactions) {
+                *sum += count;
+            }
+            for (fault, count) in theirs.seen {
+                *ours.seen.entry(fault).or_default() += count;
+            }
+            ours.deviation = ours.deviation.max(theirs.deviation);
+            ours.hard += theirs.hard;
+            ours.toppled += theirs.toppled;
+            ours.not_ended += theirs.not_ended;
+            ours.failed += theirs.failed;
+        }
+        self.failures.extend(other.failures);
     }
 
     /// What went wrong in the flights that failed, by seed.
