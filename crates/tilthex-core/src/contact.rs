@@ -3,7 +3,8 @@
 //! Two causes explain the observed wrench. Wind causes the drag of the airspeed `v - W`, whose torque about the tool
 //! is that of a force at the rotors and the airframe; W changes slowly. A touch causes a force at the tool, with
 //! little torque about it, and begins suddenly. A Kalman filter estimates the wind W, a random walk that is observed
-//! through the drag of the model, while nothing touches the tool. At the same time the log-odds of contact are
+//! through the drag of the model, while nothing touches the tool. During a touch W returns to its mean. At the same
+//! time the log-odds of contact are
 //! computed: the logarithm of the ratio of the likelihoods of the innovation
 //!
 //! ```text
@@ -20,6 +21,7 @@
 use crate::{
     Error, Vehicle,
     error::check_range,
+    filters::lag_fraction,
     plant::{BodyDrag, Effects, RotorDrag, Rotors},
     types::{Matrix3, RobotState, RotorVector, Vector3, Wrench, is_finite3},
     wrench_observer::tool_wrench,
@@ -32,6 +34,10 @@ const BOUND: f64 = 4.0;
 const RAMP: (f64, f64) = (0.0, 2.0);
 /// The wind is learnt while the log-odds of contact are below this.
 const LEARNS: f64 = -1.0;
+/// The mean of the wind is taken over the last time of this length in which it was learnt, s. A gust lasts about
+/// [`GUST`]: 20 m in a wind of 3 m/s.
+const MEAN: f64 = 10.0;
+const GUST: f64 = 6.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;
 
@@ -152,12 +158,17 @@ impl ContactParams {
             }
         }
         state.covariance = Some(covariance);
-        if state.log_odds < LEARNS && independent > 0.0 {
+        if state.log_odds >= LEARNS {
+            // The last gust does not last, and the first moments of a contact were learnt as one.
+            state.wind_w += (state.mean_w - state.wind_w) * lag_fraction(1.0 / GUST, dt);
+        } else if independent > 0.0 {
             let sampled = noise.map(|variance| variance / independent);
             if let Some(fit) = Fit::of(&innovation, &slope, &covariance, sampled) {
                 let wind_w = state.wind_w + fit.correction;
                 if is_finite3(&wind_w) {
                     (state.wind_w, state.covariance) = (wind_w, Some(fit.covariance));
+                    state.learnt = (state.learnt + dt).min(MEAN);
+                    state.mean_w += (wind_w - state.mean_w) * (dt / state.learnt).min(1.0);
                 }
             }
         }
@@ -213,6 +224,9 @@ pub struct Seen<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ContactState {
     wind_w: Vector3,
+    /// Its mean over the last time without contact, m/s, world, and the length of that time, s.
+    mean_w: Vector3,
+    learnt: f64,
     /// Covariance of the wind, (m/s)^2, once there is one.
     covariance: Option<Matrix3>,
     log_odds: f64,
@@ -220,7 +234,13 @@ pub struct ContactState {
 
 impl Default for ContactState {
     fn default() -> Self {
-        Self { wind_w: Vector3::zeros(), covariance: None, log_odds: -BOUND }
+        Self {
+            wind_w: Vector3::zeros(),
+            mean_w: Vector3::zeros(),
+            learnt: 0.0,
+            covariance: None,
+            log_odds: -BOUND,
+        }
     }
 }
 

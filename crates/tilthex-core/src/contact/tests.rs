@@ -103,6 +103,23 @@ proptest! {
         prop_assert!(over.part == 0.0, "{over:?}");
     }
 
+    /// What a touch that begins slowly taught of the wind does not stay while the touch lasts, nor does a gust.
+    #[test]
+    fn during_a_touch_the_wind_is_its_mean(
+        wind in wind(), r in attitude(), seed in any::<u64>(), size in 1.0..4.0f64, bearing in -3.1..3.1f64,
+        gust in -1.5..1.5f64,
+    ) {
+        let mut rig = Rig::new(params(), r, seed);
+        rig.hold(12.0, &wind, &Vector3::zeros());
+        let force = Vector3::new(bearing.cos(), bearing.sin(), 0.0) * size;
+        rig.hold(0.5, &(wind + Vector3::new(gust, 0.0, 0.0)), &Vector3::zeros());
+        for k in 0..20 {
+            rig.hold(0.1, &wind, &(force * (f64::from(k) / 20.0)));
+        }
+        let told = rig.hold(15.0, &wind, &force);
+        prop_assert!(told.part == 1.0 && (told.wind_w - wind).xy().norm() < 0.5, "{told:?} {wind}");
+    }
+
     /// Whatever is observed, what is told is finite.
     #[test]
     fn anything_is_survived(observed in prop::array::uniform6(prop_oneof![-1e3..1e3f64, Just(0.0), Just(1e150), Just(f64::NAN)]), dt in 0.0..0.2f64) {
