@@ -35,6 +35,12 @@ demo:
 
 test: lint rust-test python-test
 
+# With --jobs, only the proof is built beside the lints: both leave one core idle, and tests must be alone.
+ifneq ($(filter test,$(MAKECMDGOALS)),)
+rust-test: lint
+python-test: rust-test
+endif
+
 # Reinstalled on every run: cargo and maturin build only what has changed.
 $(BIN)/pip:
 	$(PYTHON) -m venv $(VENV)
