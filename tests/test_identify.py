@@ -8,7 +8,7 @@ import tilthex
 from tilthex import fit
 from tilthex.__main__ import main
 from tilthex.excite import largest_tilt, to_toml, trajectory, waypoints
-from tilthex.identify import Flight, identify
+from tilthex.identify import Flight, _Set, _vehicle, identify
 
 from benchmarks.identify import sensed, truth
 
@@ -93,3 +93,23 @@ def test_the_command_writes_a_trajectory(tmp_path, capsys):
     assert (tmp_path / "way.toml").read_text() == to_toml(MODEL, [0, 0, 1])
     assert main(["excite", "tilt-hex", "--radius", "900"]) == 2
     assert "--radius is 900.0; expected 0.05 to 5 m" in capsys.readouterr().err
+
+
+def test_an_impossible_fit_says_what_to_fly():
+    inertia = np.diag([0.36, 0.039, 0.021])
+    n, zero = MODEL.rotor_count, np.zeros(3)
+    axis = np.tile([0.0, 0.0, 1.0], (n, 1))
+    found = _Set(
+        mass=MODEL.mass,
+        inertia=inertia,
+        position=np.array([rotor["position"] for rotor in MODEL.rotors]),
+        axis=axis,
+        thrust=np.full(n, 1e-3),
+        drag=np.full(n, 2e-5),
+        centre=zero,
+        rotor_drag=0.0,
+        speed_age=0.0,
+        bias=zero,
+    )
+    with pytest.raises(ValueError, match=r"inertia .*fly the trajectory of `tilthex excite`"):
+        _vehicle(MODEL, found, [])

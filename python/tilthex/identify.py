@@ -340,7 +340,11 @@ def _figures(
 
 
 def _vehicle(vehicle: Vehicle, found: _Set, lag: Sequence[Figure]) -> Vehicle:
-    """The corrected model; positions move relative to the centre of mass."""
+    """The corrected model; positions move relative to the centre of mass.
+
+    Raises:
+        ValueError: The flight determined so little that no vehicle has these values.
+    """
     centre = found.centre
     rotors = [
         rotor
@@ -365,7 +369,13 @@ def _vehicle(vehicle: Vehicle, found: _Set, lag: Sequence[Figure]) -> Vehicle:
         "imu_rotation_deg": _angles(vehicle.imu_rotation),
         "rotors": rotors,
     }
-    return Vehicle.from_dict(keys)
+    try:
+        return Vehicle.from_dict(keys)
+    except ValueError as error:
+        raise ValueError(
+            f"the flight does not determine the vehicle, the fit found an impossible one: {error}; "
+            "fly the trajectory of `tilthex excite` (docs/identification.md)"
+        ) from error
 
 
 def _angles(rotation: Array) -> list[float]:
