@@ -24,6 +24,7 @@ from tilthex import (
     new,
     plot,
     tune,
+    video,
 )
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
@@ -44,6 +45,7 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
     new.add_parser,
     plot.add_parser,
     tune.add_parser,
+    video.add_parser,
     view.add_parser,
 )
 """The `add_parser` of each subcommand's module."""
