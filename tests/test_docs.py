@@ -20,6 +20,7 @@ MADE_BY_READERS = {
     "my_slide.py",
     "my-slide.toml",
     "crates/tilthex-link/src/mylink/mod.rs",
+    "crates/tilthex-link/src/mylink/board.rs",
 }
 
 
