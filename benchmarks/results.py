@@ -86,6 +86,11 @@ PAGES = (
         ("python -m benchmarks.false_contact --seeds 100 --first 3000",),
     ),
     Page(
+        "pull",
+        "The error of the observed force under a pull, after the calibration flight",
+        ("python -m benchmarks.pull --truth measured --truth cad --seeds 24 --first 6201",),
+    ),
+    Page(
         "wind",
         "Vehicles from their drawings in a wind of 3 m/s with gusts, after the calibration flight",
         tuple(
