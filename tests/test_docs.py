@@ -21,6 +21,7 @@ MADE_BY_READERS = {
     "my-slide.toml",
     "crates/tilthex-link/src/mylink/mod.rs",
     "crates/tilthex-link/src/mylink/board.rs",
+    "mylink.rs",
 }
 
 
