@@ -8,7 +8,6 @@ name: .gif or .webp. It needs no display, but EGL or OSMesa.
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import math
 import os
 import re
@@ -18,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from tilthex._needed import require
 from tilthex.log import Log
 from tilthex.mjcf import to_mjcf
 from tilthex.view.looks import FORCE, FORCE_LENGTH, TORQUE, TORQUE_LENGTH
@@ -34,9 +34,9 @@ AXIS = 0.08
 """Length of an axis of the reference, m."""
 
 
-def add_parser(commands: Any) -> None:
-    """Adds the subcommand."""
-    parser: argparse.ArgumentParser = commands.add_parser(
+def add_parser(subparsers: Any) -> None:
+    """Registers the command with the parsers of `tilthex`."""
+    parser: argparse.ArgumentParser = subparsers.add_parser(
         "video",
         help="make a video of a flight's log",
         description=__doc__,
@@ -105,12 +105,7 @@ def write(
     if not all(low <= side <= high for low, side, high in zip(SMALLEST, size, LARGEST, strict=True)):
         sizes = " to ".join(f"{width}x{height}" for width, height in (SMALLEST, LARGEST))
         raise ValueError(f"the size is {size[0]}x{size[1]}; expected {sizes} pixels")
-    missing = [name for module, name in NEEDED.items() if importlib.util.find_spec(module) is None]
-    if missing:
-        raise ImportError(
-            f"a video needs {' and '.join(missing)}, not installed: "
-            "pip install 'tilthex[analysis,experiments]'"
-        )
+    require("a video needs", NEEDED, "analysis,experiments")
     flown = Flown(Log(path))
     if not os.environ.get("DISPLAY"):
         os.environ.setdefault("MUJOCO_GL", "egl")

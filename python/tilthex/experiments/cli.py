@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import os
 import shlex
 import sys
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tilthex import _json
+from tilthex._needed import require
 from tilthex.simulation import TRUTH_HELP
 
 if TYPE_CHECKING:
@@ -86,12 +86,7 @@ def add_parser(subparsers: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Flies the chosen runs, prints the table and writes the report."""
     needed = NEEDED | WIRE_NEEDED if arguments.wire else NEEDED
-    missing = [name for module, name in needed.items() if importlib.util.find_spec(module) is None]
-    if missing:
-        raise ImportError(
-            f"the experiments need {' and '.join(missing)}, not installed: "
-            "pip install 'tilthex[analysis,experiments]'"
-        )
+    require("the experiments need", needed, "analysis,experiments")
     if arguments.case is not None and arguments.random is None:
         raise ValueError("--case I is a case of a campaign; give the campaign with --random N --seed S")
     if arguments.executor is not None and (arguments.random is None or arguments.case is not None):

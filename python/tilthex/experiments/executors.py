@@ -6,7 +6,6 @@ to another one.
 
 from __future__ import annotations
 
-import importlib.util
 import multiprocessing
 import os
 import re
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import tilthex
+from tilthex._needed import require
 
 Function = Callable[..., Any]
 Calls = Sequence[tuple[Any, ...]]
@@ -57,10 +57,10 @@ def executor(name: str, jobs: int | None, folder: Path) -> Executor:
             raise ValueError(
                 "--jobs does not go with --executor dask://...: Dask has the workers that were started"
             )
-        _need("distributed", "dask.distributed")
+        require("this executor needs", {"distributed": "dask.distributed"}, "cluster")
         return lambda function, calls: dask(function, calls, name.replace("dask", "tcp", 1))
     if name == "slurm":
-        _need("submitit", "submitit")
+        require("this executor needs", {"submitit": "submitit"}, "cluster")
         return lambda function, calls: submitted(function, calls, jobs or JOBS, folder)
     raise ValueError(f"--executor is {name!r}; expected local, dask://HOST:PORT or slurm")
 
@@ -174,10 +174,3 @@ def _result(found: Any) -> Any:
 
 def _lost(more: str) -> str:
     return f"a case has lost {TRIES} workers, and is not flown again: {more}"
-
-
-def _need(module: str, name: str) -> None:
-    if importlib.util.find_spec(module) is None:
-        raise ImportError(
-            f"this executor needs {name}, which is not installed: pip install 'tilthex[cluster]'"
-        )
