@@ -24,9 +24,9 @@ import numpy as np
 import tilthex
 from numpy.typing import NDArray
 from tilthex.experiments import spec
-from tilthex.experiments.flight import calibration
+from tilthex.experiments.flight import calibration, step, world_at
 from tilthex.experiments.plan import make
-from tilthex.experiments.world import PERIOD, World
+from tilthex.experiments.world import PERIOD
 
 from benchmarks.drawn import drawn
 
@@ -56,16 +56,7 @@ def flown(run: spec.Run) -> tuple[Array, tilthex.Vehicle]:
     truth = run.drawn()
     start = make(run).setpoints[0]
     hovers, way_down = calibration(run, start)
-    first = hovers[0]
-    world = World(
-        truth.vehicle,
-        run.scene(),
-        run.noise,
-        seed=run.seed,
-        tool_position=first.position,
-        tool_rotation=first.rotation,
-        drawn=truth,
-    )
+    world = world_at(run, truth, hovers[0])
     loop.initialize(0.0, world.captured_position, world.rotation)
     held = [start] * round(HELD / PERIOD)
     still = np.zeros(3)
@@ -79,15 +70,7 @@ def flown(run: spec.Run) -> tuple[Array, tilthex.Vehicle]:
         world.push = push
         for setpoint in setpoints:
             world.step(command)
-            command = loop.step(
-                world.time,
-                world.gyro(),
-                world.specific_force(),
-                world.measured_rotor_speeds(),
-                world.arrived_poses(),
-                setpoint,
-                learn_model=learn,
-            )
+            command = step(loop, world, setpoint, learn_model=learn)
     if loop.model_refused is not None:
         raise SystemExit(f"seed {run.seed}: calibration refused: {loop.model_refused}")
     counted = round(COUNTED / PERIOD)

@@ -46,15 +46,7 @@ def fly(
     start = plan.setpoints[0]
     hovers, way_down = calibration(run, start) if controller is None else ([], [])
     first = hovers[0] if hovers else start
-    world = World(
-        vehicle,
-        run.scene(),
-        run.noise,
-        seed=run.seed,
-        tool_position=first.position,
-        tool_rotation=first.rotation,
-        drawn=drawn,
-    )
+    world = world_at(run, drawn, first)
     record = Record.blank(len(plan.setpoints), vehicle.rotor_count, plan.phases, run.name)
     rows = record.columns
     chain.initialize(0.0, world.captured_position, world.rotation)
@@ -67,7 +59,7 @@ def fly(
     for learn, setpoints in ((True, hovers), (False, way_down)):
         for setpoint in setpoints:
             world.step(command)
-            command = _step(chain, world, setpoint, exact, learn_model=learn)
+            command = step(chain, world, setpoint, exact=exact, learn_model=learn)
     if hovers and chain.model_refused is not None:
         record.ended = f"calibration refused: {chain.model_refused}"
     begin = world.time
@@ -76,7 +68,7 @@ def fly(
         world.push = push if push_from <= now < push_to else still
         world.step(command)
         now = world.time - begin
-        command = _step(chain, world, setpoint, exact, learn_bias=learn_from <= now < learn_to)
+        command = step(chain, world, setpoint, exact=exact, learn_bias=learn_from <= now < learn_to)
         tool = world.tool_position
         rows["time"][k] = now
         rows["tool_position"][k] = tool
@@ -100,6 +92,19 @@ def fly(
     flown = {name: column[before:] for name, column in chain.record().items()}
     record.take(flown, vehicle.tool_rotation)
     return record
+
+
+def world_at(run: Run, drawn: tilthex.Drawn, setpoint: tilthex.Setpoint) -> World:
+    """The world of a run with its drawn vehicle at rest, the tool at a set-point."""
+    return World(
+        drawn.vehicle,
+        run.scene(),
+        run.noise,
+        seed=run.seed,
+        tool_position=setpoint.position,
+        tool_rotation=setpoint.rotation,
+        drawn=drawn,
+    )
 
 
 def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoint], list[tilthex.Setpoint]]:
@@ -129,12 +134,12 @@ def calibration(run: Run, start: tilthex.Setpoint) -> tuple[list[tilthex.Setpoin
     return hovers, way_down
 
 
-def _step(
+def step(
     chain: tilthex.Loop | Own,
     world: World,
     setpoint: tilthex.Setpoint,
-    exact: bool,
     *,
+    exact: bool = False,
     learn_bias: bool = False,
     learn_model: bool = False,
 ) -> Vector:
