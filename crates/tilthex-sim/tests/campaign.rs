@@ -103,19 +103,14 @@ fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {
 /// A latency that is found in the first hover is subtracted: the vehicle lands and needs no emergency.
 #[test]
 fn poses_that_were_found_late_land_the_vehicle() {
-    let fly = || {
-        let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-        let exact = TruthSection::named("exact").expect("a level");
-        for seed in [1300011, 1300020, 1300030] {
-            let again = campaign::again(&config, &exact, &[Kind::CaptureLatency], seed);
-            let (outcome, _) = again.expect("it flies");
-            assert!(outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
-            assert!(outcome.failure.is_none() && outcome.reaction <= Reaction::Land, "{outcome:?}");
-        }
-    };
-    // Code that is not optimised needs more stack than the thread of a test has.
-    let thread = std::thread::Builder::new().stack_size(16 << 20).spawn(fly).expect("a thread");
-    thread.join().expect("lands");
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let exact = TruthSection::named("exact").expect("a level");
+    for seed in [1300011, 1300020, 1300030] {
+        let again = campaign::again(&config, &exact, &[Kind::CaptureLatency], seed);
+        let (outcome, _) = again.expect("it flies");
+        assert!(outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
+        assert!(outcome.failure.is_none() && outcome.reaction <= Reaction::Land, "{outcome:?}");
+    }
 }
 
 #[test]
