@@ -64,9 +64,9 @@ section! {
         /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). The learnt model replaces
         /// the bias.
         calibration: String = "none".into(),
-        /// Standard deviation of the configured mass, as a part of it, which the calibration flight corrects together with the
-        /// thrust: 0.001 for a vehicle that was weighed as it flies. Such a flight does not show the mass, and an error of it
-        /// scales every observed force.
+        /// Standard deviation of the configured mass, as a fraction of it; 0.001 for a vehicle that was weighed as it flies. The
+        /// calibration flight shows only the ratio of thrust and mass, and corrects mostly the less certain of the two. A mass
+        /// that stays wrong scales every observed force.
         mass_deviation: f64 = ModelPrior::CAD.mass => "" from 1e-4 to 0.3,
         /// Largest velocity between way-points.
         max_velocity: f64 = 0.4 => "m/s" from 1e-3 to 10.0,

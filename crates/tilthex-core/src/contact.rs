@@ -4,8 +4,7 @@
 //! is that of a force at the rotors and the airframe; W changes slowly. A touch causes a force at the tool, with
 //! little torque about it, and begins suddenly. A Kalman filter estimates the wind W, a random walk that is observed
 //! through the drag of the model, while nothing touches the tool. During a touch W returns to its mean. At the same
-//! time the log-odds of contact are
-//! computed: the logarithm of the ratio of the likelihoods of the innovation
+//! time the log-odds of contact are computed: the logarithm of the ratio of the likelihoods of the innovation
 //!
 //! ```text
 //! n = h_hat - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
@@ -34,9 +33,10 @@ const BOUND: f64 = 4.0;
 const RAMP: (f64, f64) = (0.0, 2.0);
 /// The wind is learnt while the log-odds of contact are below this.
 const LEARNS: f64 = -1.0;
-/// The mean of the wind is taken over the last time of this length in which it was learnt, s. A gust lasts about
-/// [`GUST`]: 20 m in a wind of 3 m/s.
+/// The mean of the wind is taken over the last time of this length in which the wind was learnt, s.
 const MEAN: f64 = 10.0;
+/// Time constant with which the wind returns to its mean during a touch, s: a gust of 20 m passes in about this time in a
+/// wind of 3 m/s.
 const GUST: f64 = 6.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;

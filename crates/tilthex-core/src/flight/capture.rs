@@ -51,7 +51,7 @@ struct Window {
     missed: f64,
     /// Deviations of position and velocity at its begin, m and m/s.
     began: (f64, f64),
-    /// Integral of the external force that the IMU shows, N s, world.
+    /// Integral of the external force that the IMU shows with the biases of the window, N s, world.
     impulse_w: Vector3,
 }
 
@@ -223,7 +223,7 @@ impl CaptureWatch {
         let fresh = Window::from(&state, &rest, CAPTURE_WINDOW, certain);
         let window = self.window.get_or_insert(fresh);
         window.without = window.without.max(health.position_age);
-        // The force that the rotors do not explain if the window's bias of the accelerometer is right.
+        // The force that the IMU shows beyond the rotors if the window's bias of the accelerometer is right.
         let learnt_i = state.accelerometer_bias_i - window.reckoned.accelerometer_bias_i;
         let force_i = vehicle.imu().rotation_r.transpose() * external_r.force + learnt_i * vehicle.mass();
         let force_w = state.rotation_wi * force_i;
