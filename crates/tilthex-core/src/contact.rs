@@ -38,6 +38,8 @@ const MEAN: f64 = 10.0;
 /// Time constant with which the wind returns to its mean during a touch, s: a gust of 20 m passes in about this time in a
 /// wind of 3 m/s.
 const GUST: f64 = 6.0;
+/// A wind that differs from its mean by more than this many deviations of its gusts is another wind: its mean begins anew.
+const JUMP: f64 = 2.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;
 
@@ -167,6 +169,9 @@ impl ContactParams {
                 let wind_w = state.wind_w + fit.correction;
                 if is_finite3(&wind_w) {
                     (state.wind_w, state.covariance) = (wind_w, Some(fit.covariance));
+                    if (wind_w - state.mean_w).amax() > JUMP * self.wind.vertical {
+                        state.learnt = 0.0;
+                    }
                     state.learnt = (state.learnt + dt).min(MEAN);
                     state.mean_w += (wind_w - state.mean_w) * (dt / state.learnt).min(1.0);
                 }
