@@ -40,6 +40,10 @@ const MEAN: f64 = 10.0;
 const GUST: f64 = 6.0;
 /// A wind that differs from its mean by more than this many deviations of its gusts is another wind: its mean begins anew.
 const JUMP: f64 = 2.0;
+/// A torque about the tool that is larger than this many deviations of gusts and noise is one of the touch.
+const WITHIN: f64 = 2.0;
+/// The torque of a touch and the errors of the model stay about this long, s.
+const STEADY: f64 = 2.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;
 
@@ -161,20 +165,16 @@ impl ContactParams {
         }
         state.covariance = Some(covariance);
         if state.log_odds >= LEARNS {
-            // The last gust does not last, and the first moments of a contact were learnt as one.
-            state.wind_w += (state.mean_w - state.wind_w) * lag_fraction(1.0 / GUST, dt);
+            self.gust_passes(state, &innovation, &slope, dt);
         } else if independent > 0.0 {
             let sampled = noise.map(|variance| variance / independent);
             if let Some(fit) = Fit::of(&innovation, &slope, &covariance, sampled) {
-                let wind_w = state.wind_w + fit.correction;
-                if is_finite3(&wind_w) {
-                    (state.wind_w, state.covariance) = (wind_w, Some(fit.covariance));
-                    if (wind_w - state.mean_w).amax() > JUMP * self.wind.vertical {
-                        state.learnt = 0.0;
-                    }
-                    state.learnt = (state.learnt + dt).min(MEAN);
-                    state.mean_w += (wind_w - state.mean_w) * (dt / state.learnt).min(1.0);
+                state.learn(&fit);
+                if (state.wind_w - state.mean_w).amax() > JUMP * self.wind.vertical {
+                    state.learnt = 0.0;
                 }
+                state.learnt = (state.learnt + dt).min(MEAN);
+                state.mean_w += (state.wind_w - state.mean_w) * (dt / state.learnt).min(1.0);
             }
         }
         let (from, to) = RAMP;
@@ -183,6 +183,28 @@ impl ContactParams {
             log_odds: state.log_odds,
             drag_tool_w: drag,
             part: ((state.log_odds - from) / (to - from)).clamp(0.0, 1.0),
+        }
+    }
+
+    /// The wind during a touch, `dt` seconds later. It returns to its mean: the last gust does not last, and the first moments
+    /// of a contact were learnt as one. A touch at the tool's tip has no torque about the tool, so a torque that gusts
+    /// explain shows the gusts.
+    fn gust_passes(&self, state: &mut ContactState, innovation: &Wrench, slope: &[Matrix3; 2], dt: f64) {
+        let gust = self.wind.vertical;
+        let back = lag_fraction(1.0 / GUST, dt);
+        let keep = (1.0 - back) * (1.0 - back);
+        state.wind_w += (state.mean_w - state.wind_w) * back;
+        let before = state.covariance.unwrap_or_else(Matrix3::zeros);
+        let covariance = before * keep + Matrix3::identity() * (gust * gust * (1.0 - keep));
+        state.covariance = Some(covariance);
+        let torque = self.noise.1;
+        if dt <= 0.0 || innovation.torque.norm() > WITHIN * (torque + slope[1].norm() * gust) {
+            return;
+        }
+        // Any force can be that of the touch.
+        let sampled = [f64::INFINITY, torque * torque * 2.0 * STEADY / dt];
+        if let Some(fit) = Fit::of(innovation, slope, &covariance, sampled) {
+            state.learn(&fit);
         }
     }
 
@@ -235,6 +257,16 @@ pub struct ContactState {
     /// Covariance of the wind, (m/s)^2, once there is one.
     covariance: Option<Matrix3>,
     log_odds: f64,
+}
+
+impl ContactState {
+    /// Corrects the wind.
+    fn learn(&mut self, fit: &Fit) {
+        let wind_w = self.wind_w + fit.correction;
+        if is_finite3(&wind_w) {
+            (self.wind_w, self.covariance) = (wind_w, Some(fit.covariance));
+        }
+    }
 }
 
 impl Default for ContactState {
