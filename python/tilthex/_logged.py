@@ -99,6 +99,10 @@ class State(TypedDict):
     """Estimated velocity of the air; zero if `[contact] discrimination` is off. [m/s]"""
     contact_likelihood: float | None
     """Likelihood that the tool is touched; near 1 if `[contact] discrimination` is off. [1]"""
+    contact_force: Array
+    """The part of the wrench about the tool tip that is no drag of the wind; all of it if `[contact] discrimination` is off. [N, N m]"""
+    contact_torque: Array
+    """The part of the wrench about the tool tip that is no drag of the wind; all of it if `[contact] discrimination` is off. [N, N m]"""
     position_error: Array
     """Position error e_p. [m]"""
     compliant: bool

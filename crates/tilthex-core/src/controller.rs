@@ -253,8 +253,9 @@ impl Controller {
             wrench_tool_w: &wrench_tool_w,
         };
         let told = self.params.contact.step(&mut state.contact, &seen, dt);
-        let touching = (wrench_tool_w - told.drag_tool_w).to_vector();
-        let smooth = Wrench::from_vector(&self.low_pass.step(&mut state.low_pass, &touching, dt));
+        let wrench_contact_w = wrench_tool_w - told.drag_tool_w;
+        let smooth = self.low_pass.step(&mut state.low_pass, &wrench_contact_w.to_vector(), dt);
+        let smooth = Wrench::from_vector(&smooth);
         // A reference that does not yield controls no force.
         let unforced;
         let setpoint = if input.compliant || !input.setpoint.force_axes.any() {
@@ -334,6 +335,7 @@ impl Controller {
             rotor_speeds: speeds(&allocation.inputs),
             wrench_robot: observed,
             wrench_tool_w,
+            wrench_contact_w,
             wrench_admittance_w,
             told,
             setpoint: input.setpoint,

@@ -23,7 +23,7 @@ use tilthex_core::{
 };
 
 /// The columns of the record: name and width.
-const COLUMNS: [(&str, usize); 16] = [
+const COLUMNS: [(&str, usize); 17] = [
     ("setpoint_position", 3),
     ("setpoint_rotation", 9),
     ("reference_position", 3),
@@ -37,6 +37,7 @@ const COLUMNS: [(&str, usize); 16] = [
     ("wrench_robot", 6),
     ("wrench_tool", 6),
     ("wrench_admittance", 6),
+    ("wrench_contact", 6),
     ("wind", 3),
     ("contact_likelihood", 1),
     ("saturated", 1),
@@ -248,8 +249,8 @@ impl Loop {
     ///
     /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the state of the robot that the controller
     /// got. `position_error`, `rotation_error`: of the pose controller. `wrench_robot` (force W, torque R) and
-    /// `wrench_tool` (W): observed. `wrench_admittance` (W): after low-pass and dead zone. `wind`: estimated velocity
-    /// of the air, m/s, and `contact_likelihood`, 0 to 1 (both with `[contact] discrimination`). `saturated`: 0 or 1.
+    /// `wrench_tool` (W): observed. `wrench_contact` (W): its part that is no drag of the wind. `wrench_admittance` (W):
+    /// after low-pass and dead zone. `wind`: estimated velocity of the air, m/s, and `contact_likelihood`, 0 to 1 (both with `[contact] discrimination`). `saturated`: 0 or 1.
     fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let width: usize = COLUMNS.iter().map(|c| c.1).sum();
         let columns = PyDict::new(py);
@@ -331,6 +332,7 @@ impl Loop {
         rows.extend(&record.wrench_robot.to_vector());
         rows.extend(&record.wrench_tool_w.to_vector());
         rows.extend(&record.wrench_admittance_w.to_vector());
+        rows.extend(&record.wrench_contact_w.to_vector());
         rows.extend(&record.wind_w);
         rows.push(record.contact_likelihood);
         rows.push(f64::from(u8::from(record.saturated)));

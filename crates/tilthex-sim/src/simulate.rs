@@ -252,6 +252,7 @@ impl World {
         record.put("rotation_error", flown.rotation_error_r.as_slice());
         record.put("wrench_robot", flown.wrench_robot.to_vector().as_slice());
         record.put("wrench_tool", flown.wrench_tool_w.to_vector().as_slice());
+        record.put("wrench_contact", flown.wrench_contact_w.to_vector().as_slice());
         record.put("wind", flown.wind_w.as_slice());
         record.put("contact_likelihood", &[flown.contact_likelihood]);
         record.put("wrench_true", self.body.tool_wrench_w().to_vector().as_slice());

@@ -24,8 +24,8 @@ def checks(run: Run, record: Record) -> list[Check]:
     table = []
     for phase in CONTACT_PHASES:
         rows = record.during(phase)
-        force = rms(record.wrench_tool[rows, :3] - record.true_wrench[rows, :3])
-        torque = rms(record.wrench_tool[rows, 3:] - record.true_wrench[rows, 3:])
+        force = rms(record.wrench_contact[rows, :3] - record.true_wrench[rows, :3])
+        torque = rms(record.wrench_contact[rows, 3:] - record.true_wrench[rows, 3:])
         table.append(below(f"{phase}: force against truth, rms", force, 0.2, "N", paper="follows"))
         table.append(below(f"{phase}: torque against truth, rms", torque, 0.05, "N m", paper="follows"))
     for axis, since in enumerate(("three contacts", "two contacts", "one contact")):
@@ -45,7 +45,7 @@ def figures(flights: Flights) -> Figures:
         for axes, first, label in ((grid[0], 0, "tool force (N)"), (grid[1], 3, "tool torque (N m)")):
             for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
                 axes.plot(record.time, record.true_wrench[:, first + k], ":", color=colour, lw=1.0)
-                axes.plot(record.time, record.wrench_tool[:, first + k], color=colour, lw=0.8, label="xyz"[k])
+                axes.plot(record.time, record.wrench_contact[:, first + k], color=colour, lw=0.8, label="xyz"[k])
             axes.set_title(f"{label}: estimated, sensor dotted", fontsize=10, loc="left")
             shade(axes, record)
         grid[0].legend()

@@ -73,6 +73,7 @@ class Own:
                 "wrench_robot": said.wrench_robot,
                 "wrench_tool": said.wrench_tool,
                 "wrench_admittance": said.wrench_admittance,
+                "wrench_contact": said.wrench_tool,
                 "wind": np.zeros(3),
                 "contact_likelihood": np.zeros(1),
                 "saturated": np.array([float(said.saturated)]),

@@ -61,7 +61,7 @@ def overview(record: Record) -> Any:
         grid[1, 1].plot(t, np.degrees(record.rotation_error[:, i]), color=colour, lw=0.8)
         for axes, k in ((grid[2, 0], i), (grid[2, 1], 3 + i)):
             axes.plot(t, record.true_wrench[:, k], color=colour, lw=0.8, alpha=0.45)
-            axes.plot(t, record.wrench_tool[:, k], color=colour, lw=1.0)
+            axes.plot(t, record.wrench_contact[:, k], color=colour, lw=1.0)
         off = record.reference_position - record.setpoint_position
         grid[3, 0].plot(t, off[:, i], color=colour)
         grid[3, 1].plot(t[every], (reference - desired)[:, i], color=colour)
@@ -77,7 +77,7 @@ def overview(record: Record) -> Any:
             shade(axes, record)
     grid[0, 0].legend(loc="upper right", ncols=3, fontsize=9)
     for axes, k in ((grid[2, 0], 0), (grid[2, 1], 3)):
-        estimate = record.wrench_tool[:, k : k + 3]
+        estimate = record.wrench_contact[:, k : k + 3]
         size = 1.2 * float(np.percentile(np.abs(estimate), 99.9)) + 1e-3
         axes.set_ylim(-size, size)
     for axes in grid[3]:

@@ -25,7 +25,7 @@ def checks(run: Run, record: Record) -> list[Check]:
     """Position error, force against the true force, and the deviation against the closed form."""
     error = float(np.max(np.linalg.norm(record.position_error, axis=1)))
     slide = record.during("slide", "rest")
-    difference = record.wrench_tool[slide, :3] - record.true_wrench[slide, :3]
+    difference = record.wrench_contact[slide, :3] - record.true_wrench[slide, :3]
     table = [
         below(f"{run.name}: position error", error, 0.010, "mm", paper="20 mm", scale=1e3),
         below(f"{run.name}: force against truth, rms", rms(difference), 0.15, "N"),

@@ -115,7 +115,8 @@ def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
         target = columns[f"/{name}"]
         found[f"{name}_position"] = target["position_w"]
         found[f"{name}_rotation"] = rotations_from_quaternions(target["orientation"])
-    for name, field in (("robot", "robot"), ("tool", "tool_w"), ("admittance", "admittance_w")):
+    fields = (("robot", "robot"), ("tool", "tool_w"), ("contact", "contact_w"), ("admittance", "admittance_w"))
+    for name, field in fields:
         found[f"wrench_{name}"] = np.hstack([wrench[f"{field}.force"], wrench[f"{field}.torque"]])
     return found
 

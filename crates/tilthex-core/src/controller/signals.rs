@@ -96,6 +96,8 @@ pub struct ControllerOutput {
     pub wrench_robot: Wrench,
     /// External wrench at the tool, W, bias removed, before low-pass and dead zone.
     pub wrench_tool_w: Wrench,
+    /// The part of it that is no drag of the wind, W.
+    pub wrench_contact_w: Wrench,
     /// Input of the admittance filter: after low-pass and dead zone, without the wind.
     pub wrench_admittance_w: Wrench,
     /// The parts of the observed wrench: wind and contact.

@@ -91,6 +91,8 @@ pub struct Record {
     pub wrench_robot: Wrench,
     /// External wrench at the tool, W.
     pub wrench_tool_w: Wrench,
+    /// The part of it that is no drag of the wind, W; all of it if the wind is not estimated.
+    pub wrench_contact_w: Wrench,
     /// Input of the admittance filter, W.
     pub wrench_admittance_w: Wrench,
     /// Estimated velocity of the air, m/s, W; zero if it is not estimated.
@@ -164,6 +166,7 @@ impl Default for Record {
             reference: hold,
             wrench_robot: Wrench::ZERO,
             wrench_tool_w: Wrench::ZERO,
+            wrench_contact_w: Wrench::ZERO,
             wrench_admittance_w: Wrench::ZERO,
             wind_w: zero,
             contact_likelihood: 0.0,
@@ -220,6 +223,7 @@ impl Flight {
             record.reference = o.reference;
             record.wrench_robot = o.wrench_robot;
             record.wrench_tool_w = o.wrench_tool_w;
+            record.wrench_contact_w = o.wrench_contact_w;
             record.wrench_admittance_w = o.wrench_admittance_w;
             record.wind_w = o.told.wind_w;
             record.contact_likelihood = o.told.likelihood();

@@ -17,7 +17,7 @@ pub struct Column {
 }
 
 /// The names of all recorded quantities.
-pub const NAMES: [&str; 28] = [
+pub const NAMES: [&str; 29] = [
     "time",
     "position",
     "velocity",
@@ -36,6 +36,7 @@ pub const NAMES: [&str; 28] = [
     "rotation_error",
     "wrench_robot",
     "wrench_tool",
+    "wrench_contact",
     "wind",
     "contact_likelihood",
     "wrench_true",
