@@ -98,10 +98,10 @@ PAGES = (
             "--set config.contact.discrimination=true --set config.contact.rotor_drag=2.3e-4 "
             "--set 'config.contact.drag_area=[0.03,0.03,0.08]' --out out/results/wind"
             for name in (
-                "shaping --short --seed 4031",
-                "sliding --seed 4032",
-                "multi-contact --seed 4033",
-                "peg-in-hole --random 100 --seed 4034",
+                "shaping --short --seed 4041 --set config.contact.point_contact=true",
+                "sliding --seed 4042 --set config.contact.point_contact=true",
+                "multi-contact --seed 4043 --set config.contact.point_contact=true",
+                "peg-in-hole --random 100 --seed 4044",
             )
         ),
     ),

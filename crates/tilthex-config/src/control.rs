@@ -118,6 +118,8 @@ section! {
         touch_force: f64 = ContactParams::default().touch.0 => "N" from 1e-3 to 100.0,
         /// Size of the torque of a touch about the tool. A touch at the tip has none.
         touch_torque: f64 = ContactParams::default().touch.1 => "N m" from 1e-3 to 100.0,
+        /// Whether touches are at the tip of the tool only, without a torque about it (no peg, no gripper). Gusts are then seen during a touch.
+        point_contact: bool = false,
     }
 }
 
@@ -224,6 +226,7 @@ impl ContactSection {
             },
             noise: (self.force_noise, self.torque_noise),
             touch: (self.touch_force, self.touch_torque),
+            point_contact: self.point_contact,
             rate: observer.force.min().min(observer.torque.min()),
             ..ContactParams::default()
         }

@@ -42,7 +42,7 @@ const GUST: f64 = 6.0;
 const JUMP: f64 = 2.0;
 /// A torque about the tool that is larger than this many deviations of gusts and noise is one of the touch.
 const WITHIN: f64 = 2.0;
-/// The torque of a touch and the errors of the model stay about this long, s.
+/// Errors of the model in the torque stay about this long, s.
 const STEADY: f64 = 2.0;
 /// Change of the wind, m/s, for the derivative of its drag.
 const STEP: f64 = 0.1;
@@ -64,6 +64,9 @@ pub struct ContactParams {
     pub noise: (f64, f64),
     /// Sizes of touches, N and N m, about the tool.
     pub touch: (f64, f64),
+    /// Whether touches are at the tip of the tool only, where they have no torque about it. Then the torque shows the gusts
+    /// during a touch.
+    pub point_contact: bool,
     /// Rate of the wrench observer, 1/s: two samples are independent after twice its inverse.
     pub rate: f64,
 }
@@ -107,6 +110,7 @@ impl Default for ContactParams {
             wind: WindWalk::DEFAULT,
             noise: (0.08, 0.03),
             touch: (0.7, 0.1),
+            point_contact: false,
             rate: 30.0,
         }
     }
@@ -187,8 +191,7 @@ impl ContactParams {
     }
 
     /// The wind during a touch, `dt` seconds later. It returns to its mean: the last gust does not last, and the first moments
-    /// of a contact were learnt as one. A touch at the tool's tip has no torque about the tool, so a torque that gusts
-    /// explain shows the gusts.
+    /// of a contact were learnt as one. A torque that gusts explain shows them, if touches have none.
     fn gust_passes(&self, state: &mut ContactState, innovation: &Wrench, slope: &[Matrix3; 2], dt: f64) {
         let gust = self.wind.vertical;
         let back = lag_fraction(1.0 / GUST, dt);
@@ -197,12 +200,13 @@ impl ContactParams {
         let before = state.covariance.unwrap_or_else(Matrix3::zeros);
         let covariance = before * keep + Matrix3::identity() * (gust * gust * (1.0 - keep));
         state.covariance = Some(covariance);
-        let torque = self.noise.1;
-        if dt <= 0.0 || innovation.torque.norm() > WITHIN * (torque + slope[1].norm() * gust) {
+        let noise = self.noise.1;
+        let explained = innovation.torque.norm() <= WITHIN * (noise + slope[1].norm() * gust);
+        if !(self.point_contact && explained && dt > 0.0) {
             return;
         }
         // Any force can be that of the touch.
-        let sampled = [f64::INFINITY, torque * torque * 2.0 * STEADY / dt];
+        let sampled = [f64::INFINITY, noise * noise * 2.0 * STEADY / dt];
         if let Some(fit) = Fit::of(innovation, slope, &covariance, sampled) {
             state.learn(&fit);
         }

@@ -120,6 +120,43 @@ proptest! {
         prop_assert!(told.part == 1.0 && (told.wind_w - wind).xy().norm() < 0.5, "{told:?} {wind}");
     }
 
+    /// During a touch at the tip, the torque of a wind that changes is seen, and no force of the touch is.
+    #[test]
+    fn a_gust_is_seen_during_a_touch_at_the_tip(
+        wind in wind(), r in attitude(), seed in any::<u64>(), size in 0.8..8.0f64, bearing in -3.1..3.1f64,
+        gust in prop::array::uniform2(-1.0..1.0f64),
+    ) {
+        prop_assume!(wind.xy().norm() > 0.5);
+        let force = Vector3::new(bearing.cos(), bearing.sin(), 0.0) * size;
+        let gust = Vector3::new(gust[0], gust[1], 0.0);
+        let off = |point_contact: bool| {
+            let mut rig = Rig::new(ContactParams { point_contact, ..params() }, r, seed);
+            rig.hold(12.0, &wind, &Vector3::zeros());
+            rig.hold(2.0, &wind, &force);
+            let told = rig.hold(4.0, &(wind + gust), &force);
+            (told.part, (told.wind_w - wind - gust).xy().norm())
+        };
+        let ((part, seen), (_, unseen)) = (off(true), off(false));
+        prop_assert!(part == 1.0 && seen < 0.3 + 0.4 * gust.norm(), "{seen} {unseen} {gust}");
+        prop_assert!(unseen > 0.8 * gust.norm() - 0.3, "{seen} {unseen} {gust}");
+    }
+
+    /// A wind that rises just before a touch is the wind during the touch.
+    #[test]
+    fn a_risen_wind_stays_during_a_touch(
+        angle in -3.1..3.1f64, speed in 2.5..5.0f64, r in attitude(), seed in any::<u64>(), bearing in -3.1..3.1f64,
+    ) {
+        let wind = Vector3::new(angle.cos(), angle.sin(), 0.0) * speed;
+        let mut rig = Rig::new(params(), r, seed);
+        rig.hold(12.0, &Vector3::zeros(), &Vector3::zeros());
+        for k in 0..20 {
+            rig.hold(0.1, &(wind * (f64::from(k) / 20.0)), &Vector3::zeros());
+        }
+        rig.hold(2.0, &wind, &Vector3::zeros());
+        let told = rig.hold(15.0, &wind, &(Vector3::new(bearing.cos(), bearing.sin(), 0.0) * 2.0));
+        prop_assert!(told.part == 1.0 && (told.wind_w - wind).xy().norm() < 0.25 * speed, "{told:?} {wind}");
+    }
+
     /// Whatever is observed, what is told is finite.
     #[test]
     fn anything_is_survived(observed in prop::array::uniform6(prop_oneof![-1e3..1e3f64, Just(0.0), Just(1e150), Just(f64::NAN)]), dt in 0.0..0.2f64) {
