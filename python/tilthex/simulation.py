@@ -50,8 +50,9 @@ class Run(dict[str, NDArray[np.float64]]):
     `setpoint_rotation`, `reference_position`, `reference_rotation`. Of the pose controller:
     `position_error`, `rotation_error`. Observed wrenches: `wrench_robot`, `wrench_tool`; the true one at
     the tool: `wrench_true`. Estimated (with `[contact] discrimination`): `wrench_contact`, the part of
-    `wrench_tool` that is no drag of the wind, `wind` m/s and `contact_likelihood` 0 to 1. `rotor_speeds`, `rotor_command` Hz. Values of the sensors: `gyro` rad/s
-    and `specific_force` m/s^2, IMU axes, and `measured_rotor_speeds` Hz. `saturated` 0 or 1. `phase` 0
+    `wrench_tool` that is no drag of the wind, `wind` m/s and `contact_likelihood` 0 to 1. `rotor_speeds`,
+    `rotor_command` Hz. Values of the sensors: `gyro` rad/s and `specific_force` m/s^2, IMU axes, and
+    `measured_rotor_speeds` Hz. `saturated` 0 or 1. `phase` 0
     disarmed, 1 starting, 2 grounded, 3 flying, 4 holding, 5 landing, 6 emergency.
     """
 

@@ -44,8 +44,9 @@ def figures(flights: Flights) -> Figures:
         figure, grid = plt.subplots(2, 1, figsize=(12, 7), sharex=True, layout="constrained")
         for axes, first, label in ((grid[0], 0, "tool force (N)"), (grid[1], 3, "tool torque (N m)")):
             for k, colour in enumerate(("tab:blue", "tab:red", "tab:orange")):
-                axes.plot(record.time, record.true_wrench[:, first + k], ":", color=colour, lw=1.0)
-                axes.plot(record.time, record.wrench_contact[:, first + k], color=colour, lw=0.8, label="xyz"[k])
+                true, estimated = record.true_wrench[:, first + k], record.wrench_contact[:, first + k]
+                axes.plot(record.time, true, ":", color=colour, lw=1.0)
+                axes.plot(record.time, estimated, color=colour, lw=0.8, label="xyz"[k])
             axes.set_title(f"{label}: estimated, sensor dotted", fontsize=10, loc="left")
             shade(axes, record)
         grid[0].legend()

@@ -115,8 +115,8 @@ def _chain(columns: dict[str, log.Columns]) -> dict[str, Vector]:
         target = columns[f"/{name}"]
         found[f"{name}_position"] = target["position_w"]
         found[f"{name}_rotation"] = rotations_from_quaternions(target["orientation"])
-    fields = (("robot", "robot"), ("tool", "tool_w"), ("contact", "contact_w"), ("admittance", "admittance_w"))
-    for name, field in fields:
+    for name in ("robot", "tool", "contact", "admittance"):
+        field = name if name == "robot" else f"{name}_w"
         found[f"wrench_{name}"] = np.hstack([wrench[f"{field}.force"], wrench[f"{field}.torque"]])
     return found
 
