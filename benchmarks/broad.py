@@ -17,7 +17,8 @@ import numpy as np
 import tilthex
 from numpy.typing import NDArray
 from tilthex._quaternions import rotations_from_quaternions
-from tilthex.estimate import calibrate, pose_errors
+from tilthex.estimate import calibrate
+from tilthex.estimate_figures import pose_errors
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 

@@ -19,7 +19,7 @@ import tilthex
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
-from tilthex.estimate import PoseErrors, pose_errors
+from tilthex.estimate_figures import PoseErrors, pose_errors
 from tilthex.recording import Recording
 
 from benchmarks import eskf

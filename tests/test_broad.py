@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import tilthex
-from tilthex.estimate import pose_errors
+from tilthex.estimate_figures import pose_errors
 
 from benchmarks import broad
 

@@ -1,5 +1,7 @@
 """`tilthex compare`: an external sensor on another clock, in other axes, beside what was observed."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -130,5 +132,8 @@ def judge_a_flight(flight, folder, capsys):
     assert main(["compare", str(flight), str(folder / "s.csv"), "--out", str(folder / "c")]) == 0
     printed = capsys.readouterr().out
     assert float(printed.split("correlation ")[1].split()[0]) > 0.9
+    assert main(["compare", str(flight), str(folder / "s.csv"), "--out", str(folder / "c"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert f"correlation {told['correlation']:.3f}" in printed and len(told["components"]) == 6
     for name in ("c-norms.png", "c-components.png"):
-        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+        assert str(folder / name) in told["pictures"] and (folder / name).read_bytes().startswith(b"\x89PNG")

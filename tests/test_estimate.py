@@ -1,5 +1,6 @@
 """Recordings, `tilthex estimate` and `tilthex calibrate`."""
 
+import json
 import shutil
 import subprocess
 
@@ -8,7 +9,8 @@ import pytest
 import tilthex
 from scipy.spatial.transform import Rotation
 from tilthex.__main__ import main
-from tilthex.estimate import calibrate, pose_errors
+from tilthex.estimate import calibrate
+from tilthex.estimate_figures import pose_errors
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 from ukf_reference import recording as simulated
@@ -69,6 +71,27 @@ def test_estimate_prints_plots_and_writes(tmp_path, config, capsys):
     table = np.genfromtxt(tmp_path / "o.csv", delimiter=",", names=True)
     assert len(table) == 1500
     assert len(table.dtype.names) == 22
+
+
+def test_estimate_and_calibrate_as_json(tmp_path, config, capsys):
+    recording = recorded()
+    write_csv(tmp_path / "r.csv", recording)
+    (tmp_path / "c.toml").write_text(config.to_toml())
+    which = [str(tmp_path / "r.csv"), "--config", str(tmp_path / "c.toml"), "--json"]
+    assert main(["estimate", *which, "--every", "2"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    run = recording.select(np.arange(len(recording.pose_time)) % 2 == 0).estimate(tilthex.Ukf(config))
+    assert found["outcomes"] == {"accepted": 150} and found["poses"] == 150
+    assert found["nis"]["mean"] == pytest.approx(np.nanmean(run.nis))
+    assert found["gyro_bias"] == pytest.approx(run.gyro_bias[-1])
+    errors = found["withheld"]["position"]
+    assert 0 < errors["rms"] < errors["percentile_95"] < errors["largest"]
+    assert main(["calibrate", *which]) == 0
+    found = json.loads(capsys.readouterr().out)
+    place, noises = calibrate(recording, config), found["noises"]
+    assert found["place"]["latency"] == pytest.approx(place.latency)
+    assert found["place"]["body_position"] == pytest.approx(place.body_position)
+    assert noises["values"].keys() == noises["deviation"].keys() and "position_noise" in noises["values"]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """Flights that ask for more than the rotors give; `tilthex design`."""
 
+import json
+
 import numpy as np
 import pytest
 import tilthex
@@ -53,6 +55,20 @@ def test_the_papers_trade_off_is_found_again():
     assert (np.diff(found.values["hover_efficiency"][:, at_ten]) < 0).all()
     assert (np.diff(found.values["lateral_reach"][1:16, at_ten]) > 0).all()
     assert found.values["lateral_reach"][0, 2] == pytest.approx(0, abs=1e-6)
+
+
+def test_design_and_manoeuvres_as_json(tmp_path, capsys):
+    assert main(["design", "--sweep", "mass=2:3:3", "--out", str(tmp_path), "--json"]) == 0
+    largest = json.loads(capsys.readouterr().out)["largest"]
+    found = design.sweep({"preset": "tilt-hex"}, {"mass": np.linspace(2, 3, 3)})
+    assert largest == {metric: pytest.approx(found.best(metric)) for metric in design.METRICS}
+    assert main(["manoeuvres", "--vehicle", "hexarotor", "--out", str(tmp_path), "--json"]) == 0
+    flights = json.loads(capsys.readouterr().out)["flights"]
+    flown = [(flight["manoeuvre"], flight["way"]) for flight in flights]
+    assert flown == [(m, w) for m in manoeuvres.MANOEUVRES for w in ("clip", "turned")]
+    turned = [flight for flight in flights if flight["way"] == "turned"]
+    assert not any(flight["lost"] for flight in turned)
+    assert all(0 <= flight["saturated"] <= 1 and flight["position_error"] < 0.1 for flight in turned)
 
 
 def test_the_design_command(tmp_path, capsys):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import log, readers
+from tilthex import _json, log, readers
 from tilthex._core import Config
 from tilthex.readers.columns import QUANTITIES, Stream
 from tilthex.wrenches import NAMES, components, norms, without_phase
@@ -55,18 +55,28 @@ class Comparison:
 
     def __str__(self) -> str:
         """Mean and rms of the difference of each component, and the sensor's rms about its mean."""
-        off = self.observed - self.sensor
         lines = [
             f"sensor's times moved by {self.offset:.4f} s; correlation {self.correlation:.3f}",
             f"{'':10s} {'mean off':>10s} {'rms off':>10s} {'sensor rms':>10s} {'off/sensor':>10s}",
         ]
-        for k, name in enumerate(NAMES):
-            swing = float(np.std(self.sensor[:, k]))
-            spread = float(np.std(off[:, k]))
+        for k, (name, found) in enumerate(self.components().items()):
+            mean, spread, swing = found["mean_off"], found["rms_off"], found["sensor_rms"]
             part = f"{spread / swing:10.1%}" if swing > 0 else f"{'-':>10s}"
             unit = "N" if k < 3 else "N m"
-            lines.append(f"{name:10s} {off[:, k].mean():10.4f} {spread:10.4f} {swing:10.4f} {part} {unit}")
+            lines.append(f"{name:10s} {mean:10.4f} {spread:10.4f} {swing:10.4f} {part} {unit}")
         return "\n".join(lines)
+
+    def components(self) -> dict[str, dict[str, float]]:
+        """The same for each component: `mean_off`, `rms_off` and `sensor_rms`, N or N m."""
+        off = self.observed - self.sensor
+        return {
+            name: {
+                "mean_off": float(off[:, k].mean()),
+                "rms_off": float(np.std(off[:, k])),
+                "sensor_rms": float(np.std(self.sensor[:, k])),
+            }
+            for k, name in enumerate(NAMES)
+        }
 
 
 @dataclass(frozen=True)
@@ -336,6 +346,7 @@ def add_parser(commands: Any) -> None:
         type=Path,
         help="start of the names of the pictures: OUT-norms.png, OUT-components.png (default: LOG)",
     )
+    _json.add_option(parser)
     parser.set_defaults(run=_run)
 
 
@@ -353,9 +364,13 @@ def _run(arguments: argparse.Namespace) -> None:
     )
     sensor = sensed(read_sensor(arguments.sensor, arguments.topic))
     found = compare(*observed(arguments.log), sensor, mounting, offset=arguments.offset, tare=arguments.tare)
-    print(found)
     stem = arguments.out or arguments.log.with_suffix("")
+    pictures = []
     for name, draw in (("norms", norms), ("components", components)):
-        path = stem.with_name(f"{stem.name}-{name}.png")
-        draw(found.time, found.observed, found.sensor).savefig(path, dpi=120)
-        print(path)
+        pictures.append(stem.with_name(f"{stem.name}-{name}.png"))
+        draw(found.time, found.observed, found.sensor).savefig(pictures[-1], dpi=120)
+    if arguments.json:
+        figures = {"offset": found.offset, "correlation": found.correlation}
+        _json.say(figures | {"components": found.components(), "pictures": pictures})
+        return
+    print(found, *pictures, sep="\n")

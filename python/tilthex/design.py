@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import GRAVITY, Vehicle, polytope
+from tilthex import GRAVITY, Vehicle, _json, polytope
 
 Array = NDArray[np.float64]
 
@@ -137,6 +137,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("out/design"), help="folder of the plot and the table"
     )
+    _json.add_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -158,8 +159,11 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.out.mkdir(parents=True, exist_ok=True)
     _write_table(found, arguments.out / "design.csv")
     _plot(found, arguments.out / "design.png")
-    for metric in METRICS:
-        best = found.best(metric)
+    largest = {metric: found.best(metric) for metric in METRICS}
+    if arguments.json:
+        _json.say({"largest": largest, "files": [arguments.out / "design.csv", arguments.out / "design.png"]})
+        return
+    for metric, best in largest.items():
         place = ", ".join(f"{key} = {value:.4g}" for key, value in best.items() if key != metric)
         print(f"{metric}: largest {best[metric]:.4g} at {place}", file=sys.stdout)
     print(f"written: {arguments.out / 'design.csv'}, {arguments.out / 'design.png'}")

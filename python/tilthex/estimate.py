@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core, _json
+from tilthex.estimate_figures import figures, pose_errors, summary
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
@@ -25,51 +25,6 @@ BLOCK = 1.0
 """Innovations that are further apart than this count as independent, s."""
 TURNS = 0.05
 """Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
-
-
-@dataclass(frozen=True)
-class PoseErrors:
-    """Distances between measured and estimated poses of the captured body: m and rad, (m,)."""
-
-    position: Array
-    rotation: Array
-
-    def __str__(self) -> str:
-        """Root mean square, 95th percentile and largest, in mm and degrees."""
-
-        def text(values: Array, unit: str) -> str:
-            rms = np.sqrt(np.mean(values**2))
-            return f"{rms:.3f} rms, {np.percentile(values, 95):.3f} 95 %, {values.max():.3f} max {unit}"
-
-        return f"{text(1e3 * self.position, 'mm')}; {text(np.degrees(self.rotation), 'deg')}"
-
-
-def pose_errors(recording: Recording, run: _core.UkfRun, config: _core.Config) -> PoseErrors:
-    """Compares the states of a run, with linear interpolation, with all poses of a recording.
-
-    Poses before the start, after the end, or with a value that is not finite are left out.
-    """
-    from scipy.spatial.transform import Rotation
-
-    started = np.isfinite(run.position[:, 0])
-    time = recording.imu_time[started]
-    taken = recording.pose_time - config.pose_latency
-    inside = (taken >= time[0]) & (taken <= time[-1])
-    inside &= np.isfinite(recording.position).all(axis=1) & np.isfinite(recording.rotation).all(axis=(1, 2))
-    at = taken[inside]
-    k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
-    part = (at - time[k]) / (time[k + 1] - time[k])
-    position, rotation = run.position[started], Rotation.from_matrix(run.rotation[started])
-    turned = rotation[k] * Rotation.from_rotvec(
-        part[:, None] * (rotation[k].inv() * rotation[k + 1]).as_rotvec()
-    )
-    placed = position[k] + part[:, None] * (position[k + 1] - position[k])
-    offset, turn = config.captured_body
-    captured = Rotation.from_matrix(recording.rotation[inside])
-    return PoseErrors(
-        np.linalg.norm(placed + turned.apply(offset) - recording.position[inside], axis=1),
-        ((turned * Rotation.from_matrix(turn)).inv() * captured).magnitude(),
-    )
 
 
 def plot_innovations(recording: Recording, run: _core.UkfRun, path: Path) -> None:
@@ -117,31 +72,6 @@ def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
     names = [f"{name}_{k}" for name, array in columns.items() for k in range(array.shape[1])]
     table = np.column_stack([recording.imu_time, *columns.values()])
     np.savetxt(path, table, delimiter=",", header=",".join(["time", *names]), comments="", fmt="%.9g")
-
-
-def summary(recording: Recording, run: _core.UkfRun) -> str:
-    """A summary of a run in a few lines."""
-    applied = np.isfinite(run.nis)
-    innovation = run.innovation[applied]
-    outcomes = ", ".join(f"{count} {name}" for name, count in Counter(run.outcome).most_common())
-    latency = recording.pose_arrival_time - recording.pose_time
-    lines = [
-        f"{len(recording.imu_time)} inertial samples over {np.ptp(recording.imu_time):.2f} s",
-        f"{len(recording.pose_time)} poses: {outcomes}",
-        f"latency of the poses: {1e3 * latency.mean():.1f} ms mean, {1e3 * latency.max():.1f} ms largest",
-    ]
-    if applied.any():
-        position, rotation = (
-            np.sqrt(np.mean(np.sum(part**2, axis=1))) for part in (innovation[:, :3], innovation[:, 3:])
-        )
-        lines += [
-            f"innovations: {1e3 * position:.3f} mm and {np.degrees(rotation):.3f} deg rms",
-            f"NIS: {run.nis[applied].mean():.2f} mean, {np.median(run.nis[applied]):.2f} median "
-            "(6 and 5.35 expected)",
-            f"gyro bias, at the end: {np.array2string(run.gyro_bias[-1], precision=5)} rad/s",
-            f"accelerometer bias: {np.array2string(run.accelerometer_bias[-1], precision=4)} m/s^2",
-        ]
-    return "\n".join(lines)
 
 
 @dataclass(frozen=True)
@@ -294,10 +224,16 @@ def _estimate(arguments: argparse.Namespace) -> None:
     if arguments.every > 1:
         fed = recording.select(np.arange(len(recording.pose_time)) % arguments.every == 0)
     run = fed.estimate(_core.Ukf(config))
-    print(summary(fed, run))
+    errors = None
     if arguments.every > 1:
         held = recording.select(np.arange(len(recording.pose_time)) % arguments.every != 0)
-        print(f"errors at the withheld poses: {pose_errors(held, run, config)}")
+        errors = pose_errors(held, run, config)
+    if arguments.json:
+        _json.say(figures(fed, run) | ({"withheld": errors.figures()} if errors else {}))
+    else:
+        print(summary(fed, run))
+        if errors:
+            print(f"errors at the withheld poses: {errors}")
     if arguments.plot:
         plot_innovations(fed, run, arguments.plot)
     if arguments.out:
@@ -348,6 +284,7 @@ def add_parser(commands: Any) -> None:
     )
     estimate.add_argument("--plot", type=Path, metavar="FILE.png", help="draw the innovations")
     estimate.add_argument("--out", type=Path, metavar="FILE.csv", help="write the states")
+    _json.add_option(estimate)
     estimate.set_defaults(run=_estimate)
     calibration = commands.add_parser(
         "calibrate", help="find the captured body's place on the robot, the latency and the noises"

@@ -27,6 +27,7 @@ from tilthex import (
     Truth,
     Vehicle,
     WrenchObserver,
+    _json,
     so3,
 )
 from tilthex.simulation import TRUTH_HELP
@@ -223,6 +224,7 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--truth", metavar="LEVEL", help=TRUTH_HELP)
     parser.add_argument("--seed", type=int, default=1, help="with --truth: seed of the vehicle")
     parser.add_argument("--out", type=Path, default=Path("out/manoeuvres"), help="folder of the plots")
+    _json.add_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -238,25 +240,45 @@ def run(arguments: argparse.Namespace) -> None:
         "saturated",
         "false contact, most [N]",
     )
-    print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
+    flown: list[dict[str, object]] = []
+    if not arguments.json:
+        print(f"| {' | '.join(columns)} |\n{'|---' * len(columns)}|")
     for name in arguments.vehicle or Vehicle.presets():
         vehicle = Vehicle.named(name)
         drawn = Truth(vehicle, arguments.truth).draw(arguments.seed)
         ways = WAYS if np.linalg.matrix_rank(vehicle.allocation) == 6 else ("clip", "turned")
         flights = {(m, w): fly(vehicle, m, w, drawn=drawn) for m in MANOEUVRES for w in ways}
         for (manoeuvre, way), flight in flights.items():
+            attitude = float(np.nanmax(attitude_errors(flight, manoeuvre, way)))
+            end, force = float(flight.position_error[-1]), float(np.nanmax(flight.false_force))
+            if arguments.json:
+                flown.append(
+                    {
+                        "vehicle": vehicle.name,
+                        "manoeuvre": manoeuvre,
+                        "way": way,
+                        "lost": flight.lost,
+                        "attitude_error_deg": attitude,
+                        "position_error": end,
+                        "saturated": flight.saturated,
+                        "false_contact": force,
+                    }
+                )
+                continue
             cells = (
                 vehicle.name,
                 manoeuvre,
                 way,
-                f"{np.nanmax(attitude_errors(flight, manoeuvre, way)):.1f}",
-                "lost" if flight.lost else f"{flight.position_error[-1]:.3f}",
+                f"{attitude:.1f}",
+                "lost" if flight.lost else f"{end:.3f}",
                 f"{100 * flight.saturated:.0f} %",
-                f"{np.nanmax(flight.false_force):.3f}",
+                f"{force:.3f}",
             )
             print(f"| {' | '.join(cells)} |")
         stem = Path(name).stem
         _plot(flights, ways, vehicle.name, arguments.out / f"{stem}.png")
+    if arguments.json:
+        _json.say({"flights": flown})
 
 
 def attitude_errors(flight: Flight, manoeuvre: str, way: str) -> Array:
