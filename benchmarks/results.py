@@ -86,6 +86,11 @@ PAGES = (
         ("python -m benchmarks.false_contact --seeds 100 --first 3000",),
     ),
     Page(
+        "free_air",
+        "False contact in motion and the turn of a soft wrist, after the calibration flight",
+        ("python -m benchmarks.free_air --truth measured --truth cad --seeds 40 --first 6501",),
+    ),
+    Page(
         "pull",
         "Error of the observed force under a pull, after the calibration flight (rms, mN)",
         ("python -m benchmarks.pull --truth measured --truth cad --seeds 24 --first 6201",),
