@@ -84,6 +84,31 @@ fn what_failed_once_is_mended() {
     }
 }
 
+/// Poses of another body that were refused by a certain state are not believed because samples are missing or a blow comes. Poses
+/// that freeze while no inertial sample comes are found, and true poses are no lie where nothing had corrected the state.
+#[test]
+fn false_poses_stay_false_and_true_poses_true_while_samples_are_missing() {
+    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
+    let stall = fault(Kind::StalledInTick, 2.1044563673786745, 0.37538753085642795, 0.40442138811715667, 25);
+    let other = fault(Kind::CaptureOtherBody, 0.8608897513524225, 1.628697315747216, 0.6766497466600844, 19);
+    let another =
+        fault(Kind::CaptureOtherBody, 0.39843548559912156, 2.215054589998305, 0.32571773028482476, 15);
+    let flips = fault(Kind::BitFlips, 1.7466054532988635, 0.9116068308494976, 0.05918952021153134, 32);
+    let default = fault(Kind::CaptureDefault, 2.3905016354150055, 0.90686430453314, 0.424531976441891, 5);
+    let unplugged = fault(Kind::Unplugged, 1.9948748518967045, 0.9078124170237521, 0.3508920403397777, 3);
+    let gone = fault(Kind::Unplugged, 1.1617832274320248, 0.9103695958480195, 0.37585703305821183, 14);
+    let frozen = fault(Kind::CaptureFrozen, 1.932740662199862, 1.6880573660865734, 0.8402144822399374, 5);
+    for (seed, faults) in [
+        (1109479, vec![stall, other]),
+        (1602983, vec![another, flips]),
+        (1605599, vec![default, unplugged]),
+        (1900999, vec![gone, frozen]),
+    ] {
+        let outcome = campaign::fly(hovering(), faults, seed);
+        assert_eq!(outcome.failure, None, "{outcome:?}");
+    }
+}
+
 /// A step of the accelerometer's bias is a wrong accelerometer, not false poses: while it lasts and after it has ended.
 #[test]
 fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {

@@ -1,24 +1,22 @@
 //! Applies samples and poses to the filter: each at its time, in order, in a bounded number of steps per tick.
 
 use super::{
-    Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, STEPS_PER_TICK,
+    Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, SHAKEN_NOISE, STEPS_PER_TICK,
     coarse::Coarse,
-    history::{ImuEntry, PoseEntry},
+    history::{GAP, ImuEntry, PoseEntry},
     leaps::roughened,
     weighing::{RIGHT_ANGLE, turn},
 };
 use crate::{
     so3,
     types::{PoseSample, Vector3},
-    ukf::Ukf,
+    ukf::{ProcessNoise, Ukf},
 };
 use libm::fabs;
 
 /// Readings above these values are invalid, rad/s and m/s^2.
 const GYRO_LIMIT: f64 = 100.0;
 const FORCE_LIMIT: f64 = 1e3;
-/// An interval between samples above this is a gap, s.
-const GAP: f64 = 0.02;
 
 /// Weight of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
@@ -248,7 +246,8 @@ impl Estimator {
                     Ukf::unchecked(roughened(&self.params.process, leap, length))
                 }
             }
-            Quality::Measured | Quality::Shaken | Quality::ModelledShaken => self.gap_filter,
+            Quality::Measured => Ukf::unchecked(over_gap(length)),
+            Quality::Shaken | Quality::ModelledShaken => self.shaken_filter,
         }
     }
 
@@ -299,6 +298,17 @@ impl Estimator {
         let off = gyro_i - self.slow_rate_i;
         self.angular_acceleration_i = rate * off;
         self.slow_rate_i += crate::filters::lag_fraction(rate, dt) * off;
+    }
+}
+
+/// The noise over a gap of a length, s. The acceleration of a gap is bounded, so that the deviation of the velocity grows
+/// with the length; that of a white noise grows with its root.
+fn over_gap(length: f64) -> ProcessNoise {
+    let root = libm::sqrt(length.min(1.0));
+    ProcessNoise {
+        gyro: root * SHAKEN_NOISE.gyro,
+        accelerometer: root * SHAKEN_NOISE.accelerometer,
+        ..SHAKEN_NOISE
     }
 }
 

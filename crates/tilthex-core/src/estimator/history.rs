@@ -6,6 +6,9 @@ use crate::{
     ukf::PackedState,
 };
 
+/// An interval between samples above this is a gap, s.
+pub(super) const GAP: f64 = 0.02;
+
 /// Number of inertial samples: 0.3 s at 640 Hz.
 const SAMPLES: u64 = 192;
 /// Number of poses: 0.3 s at 130 Hz.
@@ -69,10 +72,12 @@ impl ImuHistory {
     pub(super) fn doubt(&self, next: u64, time: f64) -> Option<Doubt> {
         let newest = self.get(next.checked_sub(1)?).time;
         let mut doubt: Option<Doubt> = None;
-        let mut before = newest - time;
+        let (mut before, mut last) = (newest - time, None);
         for s in (next.saturating_sub(SAMPLES / 2)..next).map(|n| self.get(n)) {
             let shaken = is_blow(s.leap) || matches!(s.quality, Quality::Shaken | Quality::ModelledShaken);
-            if (shaken || s.quality == Quality::Modelled) && newest - s.time <= time {
+            let gap = last.replace(s.time).is_some_and(|last| s.time - last > GAP);
+            let missing = s.quality == Quality::Modelled || gap;
+            if (shaken || missing) && newest - s.time <= time {
                 let doubt = doubt.get_or_insert(Doubt { velocity: 0.0, age: newest - before });
                 doubt.velocity += (s.time - before).max(0.0) * if shaken { BLOW } else { FLIES };
             }

@@ -47,8 +47,10 @@ pub const STEPS_PER_TICK: u32 = 8;
 
 /// Positions above this are invalid, m.
 const POSITION_LIMIT: f64 = 1e4;
-/// The noise of the motion in a gap between samples.
-const GAP_NOISE: ProcessNoise =
+/// Deviations of a state that nothing has measured while the vehicle may have fallen, m and m/s.
+const UNFELT: (f64, f64) = (0.3, 2.0);
+/// The noise of the motion in an impact, and in a gap of 1 s between samples.
+const SHAKEN_NOISE: ProcessNoise =
     ProcessNoise { gyro: 1.0, accelerometer: 10.0, gyro_bias: 1e-4, accelerometer_bias: 1e-3 };
 /// Noise of the model that replaces a missing IMU. The random walk of the gyro's bias stands for the angular
 /// acceleration that the model does not know.
@@ -122,7 +124,7 @@ pub struct Estimator {
     params: EstimatorParams,
     derived: Derived,
     filter: Ukf,
-    gap_filter: Ukf,
+    shaken_filter: Ukf,
     model_filter: Ukf,
     head: Head,
     initialized: bool,
@@ -160,7 +162,7 @@ impl Estimator {
         let state = UkfState::new(Navigation::ORIGIN, &params.initial);
         Ok(Self {
             filter: Ukf::new(params.process)?,
-            gap_filter: Ukf::new(GAP_NOISE)?,
+            shaken_filter: Ukf::new(SHAKEN_NOISE)?,
             model_filter: Ukf::new(MODEL_NOISE)?,
             head: Head {
                 state,
@@ -247,6 +249,13 @@ impl Estimator {
         let rotation = known.rotation.max(self.params.initial.rotation);
         let deviation = InitialDeviation { rotation, gyro_bias: change, ..known };
         self.go_on(self.navigation(), &deviation);
+    }
+
+    /// Continues from the present state, whose position and velocity followed false poses without a sample that shows the
+    /// motion.
+    pub(crate) fn doubt_motion(&mut self) {
+        let known = self.head.state.axis_deviations();
+        self.go_on(self.navigation(), &InitialDeviation { position: UNFELT.0, velocity: UNFELT.1, ..known });
     }
 
     /// Continues from a state that was computed without poses.

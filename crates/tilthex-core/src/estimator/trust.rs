@@ -61,6 +61,15 @@ impl Said {
     fn rotation(&self) -> Vector3 {
         Vector3::from(self.rotation.map(f64::from))
     }
+
+    /// Whether another pose said the same, measured by the noises of position and rotation.
+    fn agrees(&self, other: &Self, (position, rotation): (f64, f64)) -> bool {
+        let size = |p: Vector3, r: Vector3| {
+            p.norm_squared() / (position * position) + r.norm_squared() / (rotation * rotation)
+        };
+        let apart = size(self.position() - other.position(), self.rotation() - other.rotation());
+        apart < SAME * size(self.position(), self.rotation())
+    }
 }
 
 /// What the estimator has learnt about the poses.
@@ -73,6 +82,9 @@ pub(super) struct Trust {
     /// The last surprising poses, and how many there have been in a row.
     refused: [Said; REFUSALS],
     in_a_row: u32,
+    /// Whether the last surprising poses contradicted a certain state; and whether samples have become doubtful since then.
+    /// This is no reason to believe poses that still say the same.
+    contradicted: (bool, bool),
     /// Normalised innovations squared of the last poses that were applied, newest last.
     recent: [Coarse; RECENT],
 }
@@ -100,6 +112,7 @@ impl Trust {
             noise: 1.0,
             refused: [Said::NOTHING; REFUSALS],
             in_a_row: 0,
+            contradicted: (false, false),
             recent: [Coarse::ZERO; RECENT],
         }
     }
@@ -125,15 +138,29 @@ impl Trust {
         }
     }
 
-    /// Whether the pose before was surprising too, and agrees with this one, measured by the noises of position and
-    /// rotation.
-    pub(super) fn repeats(&self, said: &Said, (position, rotation): (f64, f64)) -> bool {
-        let Some(before) = self.refused.last().filter(|_| self.in_a_row > 0) else { return false };
-        let size = |p: Vector3, r: Vector3| {
-            p.norm_squared() / (position * position) + r.norm_squared() / (rotation * rotation)
-        };
-        let apart = size(said.position() - before.position(), said.rotation() - before.rotation());
-        apart < SAME * size(said.position(), said.rotation())
+    /// Whether the pose before was surprising too, and agrees with this one.
+    pub(super) fn repeats(&self, said: &Said, noises: (f64, f64)) -> bool {
+        let before = self.refused.last().filter(|_| self.in_a_row > 0);
+        before.is_some_and(|before| said.agrees(before, noises))
+    }
+
+    /// Whether this pose says the same as those that contradicted a certain state, and the state has become uncertain only
+    /// since then.
+    pub(super) fn contradicts_still(
+        &mut self,
+        said: &Said,
+        noises: (f64, f64),
+        doubtful: impl Fn() -> bool,
+    ) -> bool {
+        let (contradicts, since) = self.contradicted;
+        let still = contradicts && self.repeats(said, noises);
+        self.contradicted = (still, still && (since || doubtful()));
+        self.contradicted.1
+    }
+
+    /// Refused poses in a row, for some time, contradict a certain state.
+    pub(super) fn contradict(&mut self) {
+        self.contradicted.0 |= self.in_a_row as usize >= REFUSALS;
     }
 
     /// Counts an accepted pose; `nis` is its normalised innovation squared divided by its degrees of freedom, with
@@ -145,7 +172,7 @@ impl Trust {
             let toward = variance + NOISE_SHARE * (nis - variance);
             self.noise = sqrt(toward.max(1.0)).min(MOST_NOISE);
         }
-        (self.accepted, self.in_a_row) = (time, 0);
+        (self.accepted, self.in_a_row, self.contradicted) = (time, 0, (false, false));
     }
 
     /// Counts a surprising pose.

@@ -73,12 +73,18 @@ impl Estimator {
         let surprise = trusted.squared(6);
         let nis = whole.squared(6);
         let gate = self.derived.gate_pose;
-        let outcome = if surprise <= gate || surprise <= gate * self.head.trust.level() {
+        let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
+        let (noises, next) = (self.noises(), self.head.next_sample);
+        let doubtful = || self.samples.doubt(next, DOUBT).is_some();
+        let outcome = if self.head.trust.contradicts_still(&said, noises, doubtful) {
+            self.head.trust.weigh(said);
+            Outcome::Rejected
+        } else if surprise <= gate || surprise <= gate * self.head.trust.level() {
             self.head.state.apply(&trusted);
             self.head.trust.accept(pose.time, nis / 6.0);
             Outcome::Accepted
         } else {
-            self.surprised(pose, &measured, &whole, surprise)
+            self.surprised(pose, &measured, &whole, said, surprise)
         };
         if matches!(outcome, Outcome::Accepted | Outcome::Weighed) {
             self.head.trust.remember(surprise);
@@ -113,12 +119,13 @@ impl Estimator {
         pose: &PoseEntry,
         measured: &ImuPose,
         whole: &Innovation<6>,
+        said: Said,
         surprise: f64,
     ) -> Outcome {
-        // After a model or an impact the state is so uncertain that poses decide.
+        // After a model, an impact or a gap the state is so uncertain that poses decide.
         let since = pose.time - self.head.trust.accepted;
-        let said = Said::new(since, &whole.residual);
         let doubt = self.samples.doubt(self.head.next_sample, DOUBT + since);
+        let certain = doubt.is_none();
         let missed = doubt.map(|doubt| self.missed(&doubt)).filter(|m| m.position > said.position().norm());
         let doubtful = missed.is_some();
         let gate = self.derived.gate_pose * self.head.trust.level();
@@ -148,7 +155,11 @@ impl Estimator {
             self.head.trust.weigh(said);
             return Outcome::Weighed;
         }
-        self.contradict(pose, measured, said, missed)
+        let outcome = self.contradict(pose, measured, said, missed);
+        if certain && outcome == Outcome::Rejected && since > self.params.reacquire_after {
+            self.head.trust.contradict();
+        }
+        outcome
     }
 
     /// The scales of the pose's variances with which its innovation is at the gate. Only position or only rotation is

@@ -9,7 +9,9 @@ use crate::{
     Wrench,
     estimator::Estimator,
     so3,
-    supervisor::limits::{CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSES_REFUSED, RECKONED_FIRST},
+    supervisor::limits::{
+        CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSE_LATE, POSES_REFUSED, RECKONED_FIRST,
+    },
     types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
     vehicle::Vehicle,
@@ -31,7 +33,7 @@ const FOLLOWS: f64 = 0.05;
 const BIASES_FOLLOW: f64 = 0.25;
 /// Largest drift of the IMU alone, m/s and m/s^2.
 const DRIFT: (f64, f64) = (0.05, 0.1);
-/// Time that poses need to correct the state after a blow, s: the samples show only a part of a blow.
+/// Time with poses that corrects the state after a blow, s: the samples show only a part of a blow.
 const SETTLES: f64 = 0.3;
 /// If the time between two samples is longer than this, s, samples are missing.
 const GAP: f64 = 0.01;
@@ -162,9 +164,14 @@ impl CaptureWatch {
         !(self.frozen || default || self.lies)
     }
 
+    /// A model replaces the IMU of a vehicle in flight, which is never exactly at rest.
+    pub(super) fn flies_unfelt(&mut self) {
+        self.moves = true;
+    }
+
     /// The vehicle is at rest: the readings of its IMU are biases.
     pub(super) fn rests(&mut self, state: &Navigation) {
-        (self.rest, self.window, self.stepped) = (Some(*state), None, false);
+        (self.rest, self.window, self.settles, self.stepped) = (Some(*state), None, 0.0, false);
     }
 
     /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
@@ -178,7 +185,6 @@ impl CaptureWatch {
     ) {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
-        self.settles = (self.settles - dt).max(0.0);
         let Some(missed) = missed.filter(|_| dt < GAP) else {
             self.struck();
             return;
@@ -209,7 +215,10 @@ impl CaptureWatch {
         if estimator.is_modelled() {
             self.struck();
         }
+        let health = estimator.health();
         if self.settles > 0.0 {
+            // Without poses nothing corrects the state.
+            self.settles -= if health.position_age < POSE_LATE { dt } else { 0.0 };
             return None;
         }
         if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
@@ -218,7 +227,6 @@ impl CaptureWatch {
             self.rest = Some(rest);
         }
         self.doubt.feel(&external_r.torque, vehicle, dt);
-        let health = estimator.health();
         let certain = (health.position_deviation, health.velocity_deviation);
         let fresh = Window::from(&state, &rest, CAPTURE_WINDOW, certain);
         let window = self.window.get_or_insert(fresh);

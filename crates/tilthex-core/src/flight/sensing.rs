@@ -63,6 +63,7 @@ impl Flight {
             let shaken = inertial.saturated && !broken;
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
+            self.capture.flies_unfelt();
         }
         // When the source changes, rates jump without a motion.
         if self.estimator.is_modelled() != modelled {
@@ -71,7 +72,13 @@ impl Flight {
         let in_flight = self.supervisor.phase().in_flight();
         for pose in input.poses.iter().take(MAX_POSES) {
             let pose = &self.capture_clock.timed(pose, in_flight);
-            if !self.capture.admits(pose) {
+            let frozen = self.capture.frozen();
+            let admitted = self.capture.admits(pose);
+            if self.capture.frozen() && !frozen && self.estimator.is_modelled() {
+                // Until now the estimate has followed these poses, and no sample has shown otherwise.
+                self.estimator.doubt_motion();
+            }
+            if !admitted {
                 continue;
             }
             if self.estimator.is_initialized() {
