@@ -75,10 +75,11 @@ impl Flight {
         let deviation = if self.known.is_some() { 0.0 } else { self.estimator.health().position_deviation };
         let placed = self.placed();
         let height = self.bounds.height(&robot.position_w).filter(|_| placed);
+        let fresh = input.telemetry.inertial.age(input.time) < IMU_LATE;
         let seen = landing::Seen {
             missing: weight - (thrust_w + bias_w).z,
-            observed_w: (input.telemetry.inertial.age(input.time) < IMU_LATE)
-                .then(|| output.wrench_robot.force - bias_w),
+            observed_w: fresh.then(|| output.wrench_robot.force - bias_w),
+            felt: fresh.then(|| (self.specific_force_r(), robot.angular_velocity_r.norm())),
             sinks: self.guidance.sinks(self.supervisor.phase(), self.descent()),
             velocity: robot.velocity_w.z,
             speed: robot.velocity_w.norm(),

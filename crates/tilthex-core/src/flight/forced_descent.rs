@@ -40,9 +40,9 @@ impl Forced {
         Self { carried, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 }
     }
 
-    /// One tick: returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
+    /// One tick; `rests` says whether the IMU alone shows rest. Returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
     /// something.
-    pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> (f64, bool) {
+    pub(super) fn step(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> (f64, bool) {
         let placed = seen.above.is_some();
         let (least, part, mean) = GROUND_CARRIES;
         let felt = seen.observed_w.map_or(0.0, |force| force.z);
@@ -71,7 +71,9 @@ impl Forced {
         // What moves sideways without thrust is carried by a push, not by something that it lies on.
         let carried_away = placed && seen.speed > fast;
         let lies = !carried_away && seen.velocity.abs() < STILL.0;
-        let still = self.carried <= LOADS.1 && (stands || seen.hopeless || lies);
+        // Without a place only rest shows the ground; if nothing is felt, nothing can show it.
+        let rests = (stands || seen.hopeless) && (rests || seen.felt.is_none());
+        let still = self.carried <= LOADS.1 && (rests || lies);
         self.unloaded = if still { self.unloaded + dt } else { 0.0 };
         (self.carried, self.unloaded > REST)
     }

@@ -4,7 +4,7 @@
 //! the vehicle is unloaded first: its rotors carry less and less of the weight, by command and not by control. A
 //! vehicle that stands on the ground stays at its place; a vehicle in the air moves, and continues to fly.
 
-use super::forced_descent::Forced;
+use super::{forced_descent::Forced, rest::Rest};
 use crate::types::Vector3;
 
 /// Something must carry this part of the weight before the vehicle is unloaded.
@@ -46,6 +46,8 @@ pub(super) struct Seen {
     pub(super) missing: f64,
     /// External force by the accelerometer, N, world; `None` if it is not known.
     pub(super) observed_w: Option<Vector3>,
+    /// Specific force that the accelerometer feels, m/s^2, robot, and the angular rate, rad/s; `None` if they are not known.
+    pub(super) felt: Option<(Vector3, f64)>,
     /// Commanded speed of the descent, m/s; `None` if the descent goes by thrust alone.
     pub(super) sinks: Option<f64>,
     /// Speed upwards, m/s. If no speed is known, its changes are still right.
@@ -98,6 +100,7 @@ struct Unloading {
 /// A descent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Landing {
+    rest: Rest,
     still: f64,
     felt: f64,
     /// The same since the vehicle has toppled or lost a rotor; and for how long it has been standing so.
@@ -118,12 +121,13 @@ impl Landing {
 
     /// One tick of a vehicle with a weight, N.
     pub(super) fn step(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
-        if self.lies(seen, weight, dt) {
+        let rests = self.rest.step(seen, dt);
+        if self.lies(seen, weight, rests, dt) {
             return Verdict::Down;
         }
         // Without a speed only the force shows the ground, and only where the rotors carry less than the weight.
         if seen.forced || seen.sinks.is_none() && !seen.placed {
-            return self.force(seen, weight, dt);
+            return self.force(seen, weight, rests, dt);
         }
         self.forced = None;
         if seen.toppled || seen.adrift {
@@ -178,7 +182,7 @@ impl Landing {
 
     /// Whether a vehicle that is not upright, or cannot be kept upright, lies on the ground. It cannot be unloaded to
     /// find out.
-    fn lies(&mut self, seen: &Seen, weight: f64, dt: f64) -> bool {
+    fn lies(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> bool {
         if !(seen.toppled || seen.adrift) {
             self.lying = (0.0, 0.0);
             return false;
@@ -187,11 +191,14 @@ impl Landing {
         if seen.above.is_some_and(|above| above > highest) {
             return false;
         }
-        // Without a pose the vertical is not known. With a pose, a sideways force is not the ground.
+        // Without a pose the vertical is not known, and the speed may be wrong. With a pose, a sideways force is not the ground.
         let known = seen.toppled && seen.above.is_some();
+        let lost = seen.toppled && !known;
         let slow = seen.velocity.abs() < if known { LIES_STILL.0 } else { STILL.0 };
-        let carried = |force: Vector3| if seen.toppled && !known { force.norm() } else { force.z };
-        let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight) && (!known || slow);
+        let slow = if lost && seen.felt.is_some() { rests } else { slow };
+        let carried = |force: Vector3| if lost { force.norm() } else { force.z };
+        let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
+        let feels = feels && (slow || seen.adrift && !seen.toppled);
         let (felt, still) = &mut self.lying;
         *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
         let stands = seen.missing > SHARE * weight && slow;
@@ -210,12 +217,12 @@ impl Landing {
     }
 
     /// Changes the thrust until the vehicle comes down.
-    fn force(&mut self, seen: &Seen, weight: f64, dt: f64) -> Verdict {
+    fn force(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> Verdict {
         if self.rests(seen, weight, dt) {
             return Verdict::Down;
         }
         let forced = self.forced.get_or_insert_with(|| Forced::begin(seen));
-        let (carried, down) = forced.step(seen, weight, dt);
+        let (carried, down) = forced.step(seen, weight, rests, dt);
         if down { Verdict::Down } else { Verdict::On([f64::NEG_INFINITY, carried * weight]) }
     }
 }
@@ -223,12 +230,14 @@ impl Landing {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::GRAVITY;
 
     const WEIGHT: f64 = 20.0;
     const DT: f64 = 2e-3;
     const AIR: Seen = Seen {
         missing: 0.0,
         observed_w: Some(Vector3::new(0.0, 0.0, 0.0)),
+        felt: Some((Vector3::new(0.0, 0.0, GRAVITY), 0.0)),
         sinks: Some(0.25),
         velocity: -0.25,
         speed: 0.25,
@@ -310,7 +319,14 @@ mod tests {
         let felt = Some(Vector3::new(10.0, 0.0, 0.0));
         let lies = Seen { observed_w: felt, toppled: true, velocity: 3.0, ..AIR };
         let (verdict, time) = run(|_, _| lies);
-        assert!(verdict == Verdict::Down && time < 0.15);
+        assert!(verdict == Verdict::Down && time < 1.5, "{verdict:?} {time}");
+        // In the air a push turns it, or is not its weight.
+        let air = |force: f64, turning| Some((Vector3::new(force, 0.0, 0.0), turning));
+        for felt in [air(GRAVITY, 2.0), air(0.88 * GRAVITY, 0.0)] {
+            assert_ne!(run(|_, _| Seen { felt, ..lies }).0, Verdict::Down);
+            let forced = Seen { forced: true, hopeless: true, felt, ..lies };
+            assert_ne!(run(|_, _| forced).0, Verdict::Down);
+        }
         assert_ne!(run(|_, _| Seen { above: Some(0.5), ..lies }).0, Verdict::Down);
         // Where up is known, a push aside is no ground.
         let pushed = Seen { above: Some(-0.2), ..lies };

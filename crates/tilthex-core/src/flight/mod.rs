@@ -22,6 +22,7 @@ mod model;
 mod motor_check;
 mod orders;
 mod record;
+mod rest;
 mod room;
 mod rotors;
 mod sensing;

@@ -170,6 +170,17 @@ fn a_vehicle_that_hangs_upside_down_keeps_its_motors() {
     assert!(stopped.is_none_or(|height| height < GROUND), "{stopped:?}");
 }
 
+/// A push carries a vehicle that has toppled through the air, and its poses are lost: what it feels there is not the ground.
+#[test]
+fn what_carries_a_toppled_vehicle_away_is_no_ground() {
+    let push = Vector3::new(0.3151313824417712, 0.05560765954738734, 0.82);
+    let at = Some(Vector3::new(-0.17569515932544758, -0.03353474874317371, -0.07791478755243836));
+    let (begins, ends) = (3.3161244228163076, 20.31612442281631);
+    let (seed, believed) = (7667427362361224824, 1.0921145538964254);
+    let stopped = stopped_at(&Hard { seed, believed, push, at, begins, ends, below: None });
+    assert!(stopped.is_none_or(|height| height < GROUND), "{stopped:?}");
+}
+
 #[test]
 fn a_tool_that_stands_below_the_feet_does_not_stop_motors_in_the_air() {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());
