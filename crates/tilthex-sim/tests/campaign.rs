@@ -109,6 +109,21 @@ fn false_poses_stay_false_and_true_poses_true_while_samples_are_missing() {
     }
 }
 
+/// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
+/// flight of a vehicle that can carry itself.
+#[test]
+fn what_no_command_can_prevent_is_not_judged() {
+    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
+    let push = fault(Kind::Push, 1.1937441541548113, 0.14120358835866106, 0.8192113198356831, 4);
+    let stall = fault(Kind::StalledInTick, 1.1789303268831124, 0.22462998598402334, 0.9246264340702102, 18);
+    let motor = fault(Kind::MotorEmergency, 2.8798102181081786, 1.3500975260289696, 0.04951972101242952, 2);
+    let arm = fault(Kind::PushOnArm, 2.3692490191351654, 2.4763095187029003, 0.9341258744705702, 21);
+    for (seed, faults) in [(1904933, vec![push, stall]), (1802474, vec![motor, arm])] {
+        let outcome = campaign::fly(hovering(), faults, seed);
+        assert_eq!(outcome.failure, None, "{outcome:?}");
+    }
+}
+
 /// A step of the accelerometer's bias is a wrong accelerometer, not false poses: while it lasts and after it has ended.
 #[test]
 fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {

@@ -7,7 +7,10 @@ use tilthex_core::{
     so3,
     supervisor::{Fault, FaultSet, LIFT_OFF_FAULTS, Phase, Reaction, TABLE, limits::LIFT_OFF_TIME},
 };
-use tilthex_link::tk3::{self, HostMessage, Receiver};
+use tilthex_link::{
+    board::Board,
+    tk3::{self, HostMessage, Receiver},
+};
 
 use super::{Injection, World};
 
@@ -16,6 +19,9 @@ const FLY_AWAY: f64 = 3.0;
 /// The same for a vehicle that cannot carry itself, because a rotor is lost, or a push is stronger than its rotors, m. While
 /// it lasts, such a push alone carries the vehicle farther.
 const THROWN: f64 = 4.0;
+/// A vehicle that no command reaches for this time, s, is not controlled: its rotors hold their last speeds. If it turns over
+/// meanwhile by more than this, deg, it cannot carry itself.
+const UNHEARD: (f64, f64) = (0.1, 60.0);
 /// Largest allowed speed of a vehicle that can carry itself, m/s.
 const FAST: f64 = 3.5;
 /// Largest height above the start at which motors may be stopped, m.
@@ -74,6 +80,10 @@ pub(super) struct Judge {
     allocator: Allocator,
     /// Speed and distance to which pushes alone that are stronger than the rotors have carried the vehicle, m/s and m.
     thrown: (f64, f64),
+    /// Number of commands that the board has received, and for how long it has received none, s.
+    heard: (u64, f64),
+    /// Whether it turned over while no command reached it.
+    turned_over: bool,
     /// Time of the last look at the motion, s.
     looked: f64,
     /// Whether it was in the air.
@@ -99,6 +109,8 @@ impl Judge {
             rotors: rotors.len(),
             allocator: Allocator::new(vehicle),
             thrown: (0.0, 0.0),
+            heard: (0, 0.0),
+            turned_over: false,
             looked: 0.0,
             flew: false,
             took_off: None,
@@ -194,13 +206,19 @@ impl Judge {
         let robot = world.simulation.truth().robot;
         let way = robot.position_w - self.start;
         let dt = world.now() - std::mem::replace(&mut self.looked, world.now());
+        let commands = world.simulation.firmware().noted().commands_received;
+        let unheard = if commands == self.heard.0 { self.heard.1 + dt } else { 0.0 };
+        self.heard = (commands, unheard);
+        self.turned_over |=
+            unheard > UNHEARD.0 && so3::tilt(&robot.rotation_wr) > UNHEARD.1.to_radians() && self.flew;
         if self.overwhelms(world) {
-            let force = world.simulation.pressed_tool_w().force.norm();
+            let force = pushed_w(world).norm();
             self.thrown.0 += force / world.simulation.vehicle().mass() * dt;
             self.thrown.1 += self.thrown.0 * dt;
         }
-        let carries_itself =
-            self.thrown.1 == 0.0 && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
+        let carries_itself = self.thrown.1 == 0.0
+            && !self.turned_over
+            && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
         let far = if carries_itself { FLY_AWAY } else { THROWN + self.thrown.1 };
         if way.xy().norm() > far || way.z > FLY_AWAY || !robot.is_finite() {
             self.fail(world, format_args!("flew away to {:.2?}", robot.position_w.as_slice()));
@@ -216,11 +234,11 @@ impl Judge {
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
     }
 
-    /// Whether the rotors can balance what pushes the tool now in no attitude: neither level, nor with their common thrust
-    /// along the force that they need.
+    /// Whether the rotors can balance what pushes the vehicle now in no attitude: neither level, nor with their common thrust
+    /// along the force that they need. A vehicle whose fault takes lift balances no push.
     fn overwhelms(&self, world: &World) -> bool {
         let vehicle = world.simulation.vehicle();
-        let pushed_w = world.simulation.pressed_tool_w().force;
+        let pushed_w = pushed_w(world);
         if pushed_w == Vector3::zeros() {
             return false;
         }
@@ -228,13 +246,16 @@ impl Judge {
         let axis_w = Vector3::z().cross(&needed_w);
         let angle = axis_w.norm().atan2(needed_w.z);
         let tilted = axis_w.try_normalize(0.0).map_or(Vector3::zeros(), |axis_w| axis_w * angle);
+        let at_tool_w = world.simulation.pressed_tool_w().force;
+        let at_body_r = world.simulation.disturbance().torque;
         let balances = |rotation_wr| {
-            let force_r = so3::exp(&rotation_wr).transpose() * needed_w;
-            let torque = -vehicle.tool().position_r.cross(&(so3::exp(&rotation_wr).transpose() * pushed_w));
-            let wrench = Vector6::from_iterator(force_r.iter().chain(&torque).copied());
+            let to_r = so3::exp(&rotation_wr).transpose();
+            let torque = -vehicle.tool().position_r.cross(&(to_r * at_tool_w)) - at_body_r;
+            let wrench = Vector6::from_iterator((to_r * needed_w).iter().chain(&torque).copied());
             self.allocator.allocate(&wrench).given_up.is_none()
         };
-        !balances(Vector3::zeros()) && !balances(tilted)
+        let lifts = !world.injections.iter().any(|i| i.kind.takes_lift() && i.begin <= world.now());
+        !lifts || !balances(Vector3::zeros()) && !balances(tilted)
     }
 
     /// Checks the end of the program: it may end with success only if the vehicle is where it believes it is.
@@ -256,4 +277,9 @@ impl Judge {
             && world.linked.flight.supervisor().ended_by().is_some()
             && !world.record().phase.in_flight()
     }
+}
+
+/// The force that pushes the vehicle, at its tool and at its body, N, world.
+fn pushed_w(world: &World) -> Vector3 {
+    world.simulation.pressed_tool_w().force + world.simulation.disturbance().force
 }
