@@ -48,7 +48,6 @@ enum Told {
     All,
 }
 
-/// What the streams have delivered.
 /// The host's end of the link.
 #[derive(Clone, Debug)]
 pub struct Host {
