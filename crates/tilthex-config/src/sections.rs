@@ -9,7 +9,7 @@ use tilthex_core::model_learning::ModelPrior;
 section! {
     /// The link to the vehicle.
     pub LinkSection as "link" {
-        /// Protocol of the vehicle: "tk3" (mikrokopter ESCs, chimera boards), "px4" (uXRCE-DDS) or "ascii" (a toy).
+        /// Protocol of the vehicle: "tk3" (mikrokopter ESCs, chimera boards) or "px4" (uXRCE-DDS).
         protocol: String = "tk3".into(),
         /// 57600, 115200, 500000, 2000000, or 0 to leave the speed alone (native USB, pseudo-terminals).
         baud: u32 = 500_000 => "bits/s",

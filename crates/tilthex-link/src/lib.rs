@@ -12,7 +12,6 @@
 #![no_std]
 #![forbid(unsafe_code)]
 
-pub mod ascii;
 mod awaited;
 #[cfg(feature = "board")]
 pub mod board;

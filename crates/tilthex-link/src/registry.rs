@@ -169,7 +169,4 @@ links! {
     Px4 => "px4", "a PX4 whose uxrce_dds_client is started for this line",
         "executes PX4's failsafe for the loss of the offboard mode (COM_OF_LOSS_T, COM_OBL_RC_ACT)", crate::px4::Host,
         crate::px4::board::Client;
-    /// A toy: a text protocol.
-    Ascii => "ascii", "a board with version 1", "stops its motors after 1 s", crate::ascii::Host,
-        crate::ascii::board::Plain;
 }
