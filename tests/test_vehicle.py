@@ -59,8 +59,8 @@ def test_hover_speeds_carry_the_weight(preset, tilt):
     rotation = Rotation.from_rotvec(tilt).as_matrix()
     w = vehicle.hover_speeds(rotation)
     wrench = vehicle.allocation @ (w * abs(w))
-    weight = vehicle.mass * tilthex.GRAVITY
-    np.testing.assert_allclose(rotation @ wrench[:3], [0, 0, weight], atol=1e-9)
+    assert vehicle.weight == vehicle.mass * tilthex.GRAVITY
+    np.testing.assert_allclose(rotation @ wrench[:3], [0, 0, vehicle.weight], atol=1e-9)
     np.testing.assert_allclose(wrench[3:], 0, atol=1e-9)
 
 

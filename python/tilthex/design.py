@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import GRAVITY, Vehicle, _json, polytope
+from tilthex import Vehicle, _json, polytope
 
 Array = NDArray[np.float64]
 
@@ -63,8 +63,8 @@ def figures(vehicle: Vehicle) -> Figures:
         reach = mass = float("nan")
     return Figures(
         float(values[5] / values[0]) if len(values) == 6 else 0.0,
-        vehicle.mass * GRAVITY / spent,
-        _lateral_efficiency(matrix, thrusts, vehicle.mass * GRAVITY),
+        vehicle.weight / spent,
+        _lateral_efficiency(matrix, thrusts, vehicle.weight),
         reach if np.isfinite(reach) else float("nan"),
         mass if np.isfinite(mass) else float("nan"),
     )

@@ -160,7 +160,7 @@ class Flight(gymnasium.Env):  # type: ignore[misc]
         if self.action == "setpoint":
             self._command = self._controlled(action)
         elif self.action == "wrench":
-            weight = self.model.mass * tilthex.GRAVITY
+            weight = self.model.weight
             force = 0.5 * weight * action[:3] + world.rotation.T @ [0.0, 0.0, weight]
             wanted = np.concatenate([force, action[3:]])
             found = self._allocator.allocate(wanted, world.rotor_speeds, rotation=world.rotation)

@@ -167,7 +167,7 @@ def wrench_polytope(
         vehicle.hover_speeds(rotation)  # refuses what is not a rotation
     if hover:
         turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-        base[:3] = turn.T @ [0.0, 0.0, vehicle.mass * GRAVITY]
+        base[:3] = turn.T @ [0.0, 0.0, vehicle.weight]
     held = [i for i, name in enumerate(COMPONENTS) if name in fixed]
     free = [i for i, name in enumerate(COMPONENTS) if name not in fixed]
     if not free:
@@ -232,7 +232,7 @@ def static_hover(vehicle: Vehicle, lost: Sequence[int] = ()) -> StaticHover | No
     A set of rotors can hover if some inputs within the limits give no torque, and a force as large as the
     weight in any direction of the body.
     """
-    weight = vehicle.mass * GRAVITY
+    weight = vehicle.weight
     matrix = vehicle.allocation
     lower, upper = _limits(vehicle, lost)
     span = upper - lower

@@ -73,6 +73,12 @@ impl Vehicle {
         self.core().mass()
     }
 
+    /// Weight of vehicle and tool, N.
+    #[getter]
+    fn weight(&self) -> f64 {
+        self.core().weight()
+    }
+
     /// Inertia about the centre of mass, robot frame, kg m^2, (3, 3).
     #[getter]
     fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tilthex import so3
-from tilthex._core import GRAVITY
 from tilthex.polytope import NO_TORQUE, wrench_polytope
 
 if TYPE_CHECKING:
@@ -91,7 +90,7 @@ class Reach:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._weight = vehicle.mass * GRAVITY
+        self._weight = vehicle.weight
         self._set = wrench_polytope(vehicle, fix=NO_TORQUE)
         self._allocation = vehicle.allocation[:3]
         self._lower, self._upper = _inputs(vehicle.rotor_speed_limits).T
