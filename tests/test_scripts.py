@@ -1,10 +1,14 @@
 """The command for scripts: results as JSON, completion, files that are asked for, and the doctor."""
 
+import ast
 import io
 import json
+import re
 import shutil
 import subprocess
 import sys
+from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +31,31 @@ def said(capsys, *arguments):
     """The JSON that a command prints, and nothing else."""
     assert command.main([*map(str, arguments), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
+
+
+def imported(module):
+    """The packages that a module imports as it is itself imported, in every version of Python."""
+    nodes = ast.parse(Path(module).read_text()).body
+    while nodes:
+        node = nodes.pop()
+        if isinstance(node, ast.If) and ast.unparse(node.test) != "TYPE_CHECKING":
+            nodes += [*node.body, *node.orelse]
+        elif isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield node.module.split(".")[0]
+
+
+def test_the_command_needs_only_what_every_installation_has():
+    listed = "[getattr(module, '__file__', None) for module in sys.modules.values()]"
+    listing = f"import json, sys, tilthex.__main__; print(json.dumps({listed}))"
+    found = subprocess.run([sys.executable, "-c", listing], capture_output=True, text=True, check=True).stdout
+    package = str(Path(tilthex.__file__).parent)
+    modules = [path for path in json.loads(found) if str(path).startswith(package) and path.endswith(".py")]
+    required = [line for line in metadata.requires("tilthex") if "extra ==" not in line]
+    installed = {re.match(r"[\w-]+", line)[0] for line in required} | {"tilthex"} | sys.stdlib_module_names
+    assert len(modules) > 10
+    assert {package for module in modules for package in imported(module)} <= installed
 
 
 def test_check_and_tune_as_json_are_what_the_model_says(capsys):
