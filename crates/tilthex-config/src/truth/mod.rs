@@ -12,6 +12,7 @@
 //! The controller does not know this table. For each seed, a vehicle is drawn from it.
 
 mod draw;
+mod levels;
 mod sections;
 mod spread;
 
@@ -19,6 +20,7 @@ use super::{
     section::{self, ConfigError, Described, Section},
     vehicle::VehicleSection,
 };
+pub use levels::LEVELS;
 pub use sections::{AerodynamicsSection, DelaysSection, ErrorSection, SensorsSection, StructureSection};
 pub use spread::Spread;
 use std::path::Path;
@@ -28,14 +30,6 @@ use tilthex_core::{
     so3,
 };
 use toml::{Table, Value};
-
-/// The built-in levels: name and file.
-pub const LEVELS: &[(&str, &str)] = &[
-    ("exact", "[truth]\n"),
-    ("measured", include_str!("../../../../truths/measured.toml")),
-    ("cad", include_str!("../../../../truths/cad.toml")),
-    ("outdoors", include_str!("../../../../truths/outdoors.toml")),
-];
 
 /// Its sections, for the documentation.
 pub(super) fn described() -> Vec<Described> {
@@ -102,7 +96,7 @@ impl TruthSection {
         if name.ends_with(".toml") {
             Self::from_file(Path::new(name))
         } else {
-            Self::from_table(level(name)?)
+            Self::from_table(levels::level(name)?)
         }
     }
 
@@ -124,7 +118,7 @@ impl TruthSection {
     /// # Errors
     /// Says what is wrong.
     pub fn from_text(text: &str) -> Result<Self, ConfigError> {
-        Self::from_table(truth_of_text(text)?)
+        Self::from_table(levels::truth_of_text(text)?)
     }
 
     /// The complete table as TOML, from which [`from_text`](Self::from_text) reads the same.
@@ -156,7 +150,7 @@ impl TruthSection {
     pub fn from_table(table: Table) -> Result<Self, ConfigError> {
         let named = table.get("level").and_then(Value::as_str).unwrap_or("exact").to_owned();
         let alone = table.len() == usize::from(table.contains_key("level"));
-        let mut table = resolve(table, 0)?;
+        let mut table = levels::resolve(table, 0)?;
         let name = match table.remove("name") {
             Some(Value::String(name)) => name,
             _ if alone => named,
@@ -347,57 +341,6 @@ fn check_errors(errors: &ErrorSection) -> Result<(), ConfigError> {
         spread.check().map_err(|e| e.within(format!("[truth.error] {}", key.name)))?;
     }
     Ok(())
-}
-
-fn level(name: &str) -> Result<Table, ConfigError> {
-    let known = LEVELS.iter().map(|l| l.0);
-    section::check_known("level", name, known)
-        .map_err(|e| ConfigError::new(format!("{e}; a file's name ends in .toml")).within("[truth]"))?;
-    if name == "exact" {
-        return Ok(Table::new());
-    }
-    let text = LEVELS.iter().find(|l| l.0 == name).map_or("", |l| l.1);
-    let mut table = truth_of_text(text)?;
-    table.insert("name".into(), Value::String(name.into()));
-    Ok(table)
-}
-
-fn truth_of_text(text: &str) -> Result<Table, ConfigError> {
-    match super::parse(text)?.remove("truth") {
-        Some(Value::Table(table)) => Ok(table),
-        _ => Err(ConfigError::new("no [truth] table; expected one, for example with level = \"measured\"")),
-    }
-}
-
-/// Adds the keys of the `level`. Keys in the table itself override them.
-fn resolve(mut table: Table, depth: usize) -> Result<Table, ConfigError> {
-    let mut base = match table.remove("level") {
-        None => return Ok(table),
-        Some(Value::String(name)) if depth < 8 => {
-            let mut base = level(&name)?;
-            base.remove("name");
-            base
-        }
-        _ => return Err(ConfigError::new("[truth]: level is not a text; expected the name of one")),
-    };
-    base = resolve(base, depth + 1)?;
-    overlay(&mut base, table);
-    Ok(base)
-}
-
-/// Replaces the keys of `base` by those of `upper`, table by table. A distribution is one value.
-fn overlay(base: &mut Table, upper: Table) {
-    for (key, value) in upper {
-        match (base.get_mut(&key), value) {
-            (Some(below), above) if spread::is_distribution(below) || spread::is_distribution(&above) => {
-                *below = above;
-            }
-            (Some(Value::Table(below)), Value::Table(above)) => overlay(below, above),
-            (_, value) => {
-                base.insert(key, value);
-            }
-        }
-    }
 }
 
 #[cfg(test)]
