@@ -61,6 +61,39 @@ impl ControllerState {
 }
 
 /// The inputs of a tick.
+///
+/// ```
+/// use tilthex_core::{
+///     GRAVITY, Matrix3, RobotState, Setpoint, Vector3,
+///     controller::{Controller, ControllerInput, ControllerParams, ControllerState}, examples,
+/// };
+///
+/// let vehicle = examples::tilt_hex()?;
+/// let controller = Controller::new(vehicle, ControllerParams::default())?;
+/// let mut state = ControllerState::default();
+/// // A hover that is held in its place while something pulls with 3 N along x.
+/// let mut input = ControllerInput {
+///     state: RobotState::at_rest(Vector3::zeros()),
+///     specific_force_r: Vector3::new(0.0, 0.0, GRAVITY),
+///     rotor_speeds: vehicle.hover_speeds(&Matrix3::identity()),
+///     setpoint: Setpoint::hold(vehicle.tool().position_r, vehicle.tool().rotation_r),
+///     compliant: true,
+///     unyielding: None,
+///     learn_bias: false,
+///     lost_rotors: 0,
+///     fixed_attitude: false,
+/// };
+/// controller.step(&mut state, &input, 0.002);
+/// input.specific_force_r.x = 3.0 / vehicle.mass();
+/// for _ in 0..1000 {
+///     controller.step(&mut state, &input, 0.002);
+/// }
+/// let out = controller.step(&mut state, &input, 0.002);
+/// assert!((out.wrench_robot.force.x - 3.0).abs() < 1e-6);
+/// // The reference of the tool yields in the direction of the force.
+/// assert!(out.reference.position_w.x > input.setpoint.position_w.x);
+/// # Ok::<(), tilthex_core::Error>(())
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ControllerInput {
     /// Pose and twist of the robot.
