@@ -164,7 +164,7 @@ impl Judge {
             Phase::Holding => Reaction::Hold,
             Phase::Landing => Reaction::Land,
             Phase::Emergency => Reaction::Descend,
-            _ => Reaction::Note,
+            Phase::Disarmed | Phase::Starting | Phase::Grounded | Phase::Flying => Reaction::Note,
         };
         if !world.host.land {
             self.outcome.reaction = self.outcome.reaction.max(reaction);
@@ -197,7 +197,10 @@ impl Judge {
                 }
             }
             HostMessage::Throttles(_) => self.fail(world, format_args!("sent {message:?}")),
-            _ => {}
+            HostMessage::Identify
+            | HostMessage::Rate { .. }
+            | HostMessage::Start(_)
+            | HostMessage::Beep(_) => {}
         }
     }
 

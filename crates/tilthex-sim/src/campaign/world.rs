@@ -217,7 +217,9 @@ impl World {
                 let (spoil, held) = match (act, way) {
                     (Act::Received(spoil), Way::Received) => (spoil, &mut *received),
                     (Act::Sent(spoil), Way::Sent) => (spoil, &mut *sent),
-                    _ => continue,
+                    (Act::Received(_) | Act::Sent(_), _) => continue,
+                    (Act::Vehicle { .. } | Act::Pose(_) | Act::Host(_), _) => continue,
+                    (Act::Disk | Act::Stopped | Act::Stalled, _) => continue,
                 };
                 let random = &mut self.random;
                 pass(active.on, spoil, injection, Bytes { bytes, held, imu, random, now, rotors });
