@@ -46,7 +46,7 @@ pub struct Args {
     #[arg(long, value_name = "PATH")]
     pub socket: Option<PathBuf>,
 
-    /// Protocol of the vehicle's link, tk3 or px4 [default: the configuration's]
+    /// Protocol of the vehicle's link, as `protocol` in the section `[link]` [default: the configuration's]
     #[arg(long, value_name = "LINK")]
     pub protocol: Option<String>,
 
@@ -117,7 +117,7 @@ pub fn run() -> Result<(), Failure> {
         return Err(Failure::usage("--udp is for px4 only; expected --protocol px4 with it"));
     }
     let server = start(&args, &config)?;
-    let _link = args.link.as_deref().map(|path| Link::new(path, server.path())).transpose()?;
+    let _link = args.link.as_deref().map(|path| SymbolicLink::new(path, server.path())).transpose()?;
     match args.udp {
         Some(agent) => say!("udp:{agent}"),
         None => say!("{}", server.path().display()),
@@ -228,9 +228,9 @@ fn listen(path: &Path) -> Result<UnixListener, Failure> {
 }
 
 /// A symbolic link that is removed when the program ends.
-struct Link(PathBuf);
+struct SymbolicLink(PathBuf);
 
-impl Link {
+impl SymbolicLink {
     /// Links `path` to `target`. Replaces a link that a killed program left, but never a file.
     fn new(path: &Path, target: &Path) -> Result<Self, Failure> {
         if fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink()) {
@@ -247,7 +247,7 @@ impl Link {
     }
 }
 
-impl Drop for Link {
+impl Drop for SymbolicLink {
     fn drop(&mut self) {
         let _ = fs::remove_file(&self.0);
     }
