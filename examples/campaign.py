@@ -26,7 +26,8 @@ FLIGHTS = range(100, 130)
 # ## Two levels of truth
 #
 # *measured* is a vehicle whose parameters were measured, *cad* one whose parameters come from drawings; see
-# [truth.md](../docs/truth.md). The result has one row for each flight.
+# [truth.md](../docs/truth.md). The result has one row for each flight; the table shows the mean and the
+# maximum of each column.
 
 # %%
 levels = ("exact", "measured", "cad")
@@ -50,7 +51,9 @@ plt.show()
 # %% [markdown]
 # ## One flight again
 #
-# A seed gives the same flight as `simulate`, so the worst one can be looked at.
+# `simulate` with the same seed repeats a flight, for example the worst one. The drawings give its weight
+# or its thrust wrongly. The observer takes this difference for a force on the tool, and the tool yields
+# to it. The flight of [calibrate.py](calibrate.py) corrects the model.
 
 # %%
 worst = int(flown["cad"]["seed"][np.argmax(flown["cad"]["tool_deviation_largest"])])

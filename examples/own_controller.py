@@ -30,9 +30,10 @@ home = tilthex.Setpoint(position=[0.0, 0.0, 1.0], rotation=np.eye(3))
 # %% [markdown]
 # ## The law
 #
-# A mass with a damper, and a spring that saturates: beyond the force `largest` the tool gives way, so a
-# strong push never meets more than this force. The place of the admittance filter gets the set-point and
-# the wrench at the tool (N, N m, world), and returns the reference of the tool.
+# A mass with a damper, and a spring that saturates: its force never exceeds `largest`. A stronger push
+# moves the tool as long as it lasts, and only the damper brakes this motion. The place of the admittance
+# filter gets the set-point and the wrench at the tool (N, N m, world), and returns the reference of the
+# tool.
 
 # %%
 
@@ -96,7 +97,7 @@ for force in (0.5, 0.9, 1.5):
     plt.plot(time, deviation[:, 0], label=f"push of {force:g} N")
 plt.axhline(0.1, color="0.6", ls=":", label="the spring saturates")
 plt.xlabel("time (s)")
-plt.ylabel("position of the tool along x (m)")
+plt.ylabel("deviation of the tool along x (m)")
 plt.legend()
 plt.show()
 
@@ -104,8 +105,10 @@ plt.show()
 # ## In an experiment
 #
 # `tilthex.experiments.flight.fly` takes a controller too: a `Chain`, or any object whose `step` returns a
-# `tilthex.Output`. It gets the true state of the world in MuJoCo; the package's judges and figures work as
-# ever. Here the law presses the tilted board of the experiment *sliding*, with the configuration of its file.
+# `tilthex.Output`. It gets the true state of the world in MuJoCo. The checks and figures of the package
+# accept its flights. Here the law presses the tilted board of the experiment *sliding*, with the
+# configuration of its file. The force exceeds that of the spring in the impact and while the set-point
+# moves, because the damper adds its force. At rest it is the force at which the spring saturates.
 
 # %%
 from tilthex.experiments import flight, spec  # noqa: E402
