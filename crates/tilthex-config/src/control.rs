@@ -343,6 +343,7 @@ impl ControllerSections<'_> {
         PoseController::new(params.pose).map_err(within::<PoseControlSection>)?;
         WrenchObserver::new(vehicle, params.observer).map_err(within::<WrenchObserverSection>)?;
         AdmittanceFilter::new(params.admittance).map_err(within::<AdmittanceSection>)?;
+        params.contact.checked().map_err(within::<ContactSection>)?;
         AttitudeSelector::new(vehicle, params.attitude).map_err(within::<AttitudeSection>)?;
         Allocator::with_params(vehicle, params.allocation).map_err(within::<AllocationSection>)?;
         // What is left to refuse is the filter, the dead zones and the torque towards more room.
