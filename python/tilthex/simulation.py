@@ -197,7 +197,7 @@ def simulate_many(
     several = {name: list(value) for name, value in given.items() if _is_several(value)}
     if len({len(value) for value in several.values()}) > 1:
         found = ", ".join(f"{len(value)} {name}" for name, value in several.items())
-        raise ValueError(f"found {found}; expected equally many, or one for all flights")
+        raise ValueError(f"found {found}; expected equally many; give what all flights share without a list")
     count = next((len(value) for value in several.values()), 1)
     rows = {name: several.get(name, [value] * count) for name, value in given.items()}
     for number, config in enumerate(rows["configs"]):
