@@ -63,6 +63,19 @@ def test_the_margins_of_drawn_vehicles_are_around_the_models():
     assert np.allclose(nominal["phase_margin_deg"] - late["phase_margin_deg"], lost, atol=3.0)
 
 
+def test_margins_are_those_of_the_model_and_of_stiffer_gains():
+    config = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    found, model = tilthex.margins(config), tilthex.LoopModel(config)
+    assert found.stable and found.axes == model.axes
+    assert np.allclose(np.degrees(found.phase_margin), model.hover()["phase_margin_deg"])
+    assert found.contact_stiffness[2] == model.contact(along=[0, 0, 1])
+    assert found.contact_stiffness[4] == model.contact(about=[0, 1, 0])
+    derived = tilthex.margins(config.replace(**model.derive()))
+    assert np.degrees(derived.phase_margin.min()) > 45.0 and derived.sensitivity_peak.max() < 2.0
+    tight = config.replace(pose_control={"rotation_gain": 3000.0, "angular_velocity_gain": 200.0})
+    assert not tilthex.margins(tight).stable
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

@@ -36,6 +36,7 @@ from tilthex._core import (
 )
 from tilthex.client import Flight, OrderRefused, connect
 from tilthex.simulation import FaultChange, Run, Runs, simulate, simulate_many
+from tilthex.stability import Margins, margins
 
 __all__ = [
     "GRAVITY",
@@ -50,6 +51,7 @@ __all__ = [
     "Flight",
     "Loop",
     "LoopModel",
+    "Margins",
     "OrderRefused",
     "Output",
     "Plant",
@@ -69,6 +71,7 @@ __all__ = [
     "__version__",
     "calibration_flight",
     "connect",
+    "margins",
     "simulate",
     "simulate_many",
     "so3",

@@ -38,8 +38,11 @@ const MEAN: f64 = 10.0;
 /// Time constant with which the wind returns to its mean during a touch, s: a gust of 20 m passes in about this time in a
 /// wind of 3 m/s.
 const GUST: f64 = 6.0;
-/// A wind that differs from its mean by more than this many deviations of its gusts is another wind: its mean begins anew.
+/// A wind that differs from its mean by more than this many deviations of its gusts, for a time of `LASTS`, is another wind:
+/// its mean begins anew. A touch that begins slowly is recognised sooner.
 const JUMP: f64 = 2.0;
+/// This time, s.
+const LASTS: f64 = 1.0;
 /// A torque about the tool that is larger than this many deviations of gusts and noise is one of the touch.
 const WITHIN: f64 = 2.0;
 /// Errors of the model in the torque stay about this long, s.
@@ -174,8 +177,10 @@ impl ContactParams {
             let sampled = noise.map(|variance| variance / independent);
             if let Some(fit) = Fit::of(&innovation, &slope, &covariance, sampled) {
                 state.learn(&fit);
-                if (state.wind_w - state.mean_w).amax() > JUMP * self.wind.vertical {
-                    state.learnt = 0.0;
+                let away = (state.wind_w - state.mean_w).amax() > JUMP * self.wind.vertical;
+                state.away = if away { state.away + dt } else { 0.0 };
+                if state.away > LASTS {
+                    (state.learnt, state.away) = (0.0, 0.0);
                 }
                 state.learnt = (state.learnt + dt).min(MEAN);
                 state.mean_w += (state.wind_w - state.mean_w) * (dt / state.learnt).min(1.0);
@@ -258,6 +263,8 @@ pub struct ContactState {
     /// Its mean over the last time without contact, m/s, world, and the length of that time, s.
     mean_w: Vector3,
     learnt: f64,
+    /// How long the wind has been far from its mean, s.
+    away: f64,
     /// Covariance of the wind, (m/s)^2, once there is one.
     covariance: Option<Matrix3>,
     log_odds: f64,
@@ -279,6 +286,7 @@ impl Default for ContactState {
             wind_w: Vector3::zeros(),
             mean_w: Vector3::zeros(),
             learnt: 0.0,
+            away: 0.0,
             covariance: None,
             log_odds: -BOUND,
         }
