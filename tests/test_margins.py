@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import doctest
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 import tilthex
 from tilthex import __main__ as command
-from tilthex import check
+from tilthex import check, stability
 from tilthex.experiments.stability import TIP_DAMPING, Chain, growth
 
 from benchmarks import contact_stability
@@ -72,6 +73,7 @@ def test_margins_are_those_of_the_model_and_of_stiffer_gains():
     assert found.contact_stiffness[4] == model.contact(about=[0, 1, 0])
     derived = tilthex.margins(config.replace(**model.derive()))
     assert np.degrees(derived.phase_margin.min()) > 45.0 and derived.sensitivity_peak.max() < 2.0
+    assert doctest.testmod(stability) == (0, 4)
     tight = config.replace(pose_control={"rotation_gain": 3000.0, "angular_velocity_gain": 200.0})
     assert not tilthex.margins(tight).stable
 
