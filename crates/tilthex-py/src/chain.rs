@@ -249,8 +249,9 @@ impl Loop {
     ///
     /// `setpoint_*`, `reference_*`: of the tool, world. `estimated_*`: the state of the robot that the controller
     /// got. `position_error`, `rotation_error`: of the pose controller. `wrench_robot` (force W, torque R) and
-    /// `wrench_tool` (W): observed. `wrench_contact` (W): its part that is no drag of the wind. `wrench_admittance` (W):
-    /// after low-pass and dead zone. `wind`: estimated velocity of the air, m/s, and `contact_likelihood`, 0 to 1 (both with `[contact] discrimination`). `saturated`: 0 or 1.
+    /// `wrench_tool` (W): observed. `wrench_contact` (W): its part that is no drag of the wind. `wrench_admittance`
+    /// (W): after low-pass and dead zone. `wind`: estimated velocity of the air, m/s, and `contact_likelihood`, 0 to
+    /// 1 (both with `[contact] discrimination`). `saturated`: 0 or 1.
     fn record<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let width: usize = COLUMNS.iter().map(|c| c.1).sum();
         let columns = PyDict::new(py);

@@ -40,8 +40,8 @@ impl Forced {
         Self { carried, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 }
     }
 
-    /// One tick; `rests` says whether the IMU alone shows rest. Returns the largest part of the weight that the rotors carry, and whether the vehicle lies on
-    /// something.
+    /// One tick; `rests` says whether the IMU alone shows rest. Returns the largest part of the weight that the rotors
+    /// carry, and whether the vehicle lies on something.
     pub(super) fn step(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> (f64, bool) {
         let placed = seen.above.is_some();
         let (least, part, mean) = GROUND_CARRIES;
