@@ -60,20 +60,23 @@ class Comparison:
             f"{'':10s} {'mean off':>10s} {'rms off':>10s} {'sensor rms':>10s} {'off/sensor':>10s}",
         ]
         for k, (name, found) in enumerate(self.components().items()):
-            mean, spread, swing = found["mean_off"], found["rms_off"], found["sensor_rms"]
+            mean, spread, swing = found["mean_off"], found["std_off"], found["sensor_std"]
             part = f"{spread / swing:10.1%}" if swing > 0 else f"{'-':>10s}"
             unit = "N" if k < 3 else "N m"
             lines.append(f"{name:10s} {mean:10.4f} {spread:10.4f} {swing:10.4f} {part} {unit}")
         return "\n".join(lines)
 
     def components(self) -> dict[str, dict[str, float]]:
-        """The same for each component: `mean_off`, `rms_off` and `sensor_rms`, N or N m."""
+        """For each component mean and standard deviation of the difference, and the sensor's, N or N m.
+
+        Their names are `mean_off`, `std_off` and `sensor_std`.
+        """
         off = self.observed - self.sensor
         return {
             name: {
                 "mean_off": float(off[:, k].mean()),
-                "rms_off": float(np.std(off[:, k])),
-                "sensor_rms": float(np.std(self.sensor[:, k])),
+                "std_off": float(np.std(off[:, k])),
+                "sensor_std": float(np.std(self.sensor[:, k])),
             }
             for k, name in enumerate(NAMES)
         }

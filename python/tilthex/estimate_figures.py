@@ -99,7 +99,7 @@ def figures(recording: Recording, run: _core.UkfRun) -> dict[str, Any]:
 
 
 def summary(recording: Recording, run: _core.UkfRun) -> str:
-    """The same in a few lines."""
+    """The `figures` of a run in a few lines."""
     found = figures(recording, run)
     outcomes = ", ".join(f"{count} {name}" for name, count in found["outcomes"].items())
     latency = found["latency"]

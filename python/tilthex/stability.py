@@ -1,4 +1,4 @@
-"""`tilthex.margins`: how far a configuration is from instability, as arrays (docs/stability.md)."""
+"""`tilthex.margins`: how far a configuration is from instability (docs/stability.md)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from tilthex._core import Config, LoopModel
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Margins:
     """Stability of the loop in a hover and in contact.
 
@@ -27,8 +27,8 @@ class Margins:
     sensitivity_peak: Array
     """Largest sensitivities, (6,)."""
     contact_stiffness: list[list[tuple[float, float]]]
-    """The ranges of stiffness of an environment without damping at which contact is stable: N/m along the
-    first three axes, N m/rad about the others. 1e6 stands for any stiffness."""
+    """The ranges of stiffness of an environment at which contact is stable: N/m along the first three axes,
+    N m/rad about the others. 1e6 stands for any stiffness."""
 
 
 def margins(config: Config, *, damping_time: float = 0.0) -> Margins:

@@ -106,7 +106,7 @@ section! {
         centre_of_pressure: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
         /// Standard deviation of each horizontal component of the wind.
         wind_deviation: f64 = WindWalk::DEFAULT.horizontal => "m/s" from 1e-3 to 50.0,
-        /// Standard deviation of the vertical component of the wind. With a large one, a steady vertical touch becomes wind in time.
+        /// Standard deviation of the vertical component of the wind, and of the gusts in every direction. With a large one, a steady vertical touch becomes wind in time.
         vertical_wind_deviation: f64 = WindWalk::DEFAULT.vertical => "m/s" from 1e-3 to 50.0,
         /// Time in which the wind changes by these deviations.
         wind_time: f64 = WindWalk::DEFAULT.time => "s" from 0.1 to 1e4,

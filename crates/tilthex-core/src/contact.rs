@@ -200,6 +200,7 @@ impl ContactParams {
     fn gust_passes(&self, state: &mut ContactState, innovation: &Wrench, slope: &[Matrix3; 2], dt: f64) {
         let gust = self.wind.vertical;
         let back = lag_fraction(1.0 / GUST, dt);
+        state.away = 0.0;
         let keep = (1.0 - back) * (1.0 - back);
         state.wind_w += (state.mean_w - state.wind_w) * back;
         let before = state.covariance.unwrap_or_else(Matrix3::zeros);

@@ -159,8 +159,8 @@ proptest! {
 
     /// Whatever is observed, what is told is finite.
     #[test]
-    fn anything_is_survived(observed in prop::array::uniform6(prop_oneof![-1e3..1e3f64, Just(0.0), Just(1e150), Just(f64::NAN)]), dt in 0.0..0.2f64) {
-        let mut rig = Rig::new(params(), Matrix3::identity(), 1);
+    fn anything_is_survived(observed in prop::array::uniform6(prop_oneof![-1e3..1e3f64, Just(0.0), Just(1e150), Just(f64::NAN)]), dt in 0.0..0.2f64, point_contact in any::<bool>()) {
+        let mut rig = Rig::new(ContactParams { point_contact, ..params() }, Matrix3::identity(), 1);
         let wrench = Wrench::from_vector(&crate::Vector6::from(observed));
         for _ in 0..50 {
             let seen = Seen { vehicle: &rig.vehicle, robot: &rig.robot, rotor_speeds: &rig.speeds, wrench_tool_w: &wrench };

@@ -255,7 +255,10 @@ impl Estimator {
     /// motion.
     pub(crate) fn doubt_motion(&mut self) {
         let known = self.head.state.axis_deviations();
+        // While a model replaces the gyro, the gyro's bias is kept aside.
+        let kept = (self.head.kept_bias, self.current_kept_bias);
         self.go_on(self.navigation(), &InitialDeviation { position: UNFELT.0, velocity: UNFELT.1, ..known });
+        (self.head.kept_bias, self.current_kept_bias) = kept;
     }
 
     /// Continues from a state that was computed without poses.

@@ -10,7 +10,7 @@ use crate::{
     estimator::Estimator,
     so3,
     supervisor::limits::{
-        CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSE_LATE, POSES_REFUSED, RECKONED_FIRST,
+        CAPTURE_AGREES, CAPTURE_WINDOW, POSE_FROZEN, POSE_LOST, POSES_REFUSED, RECKONED_FIRST,
     },
     types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
@@ -218,7 +218,7 @@ impl CaptureWatch {
         let health = estimator.health();
         if self.settles > 0.0 {
             // Without poses nothing corrects the state.
-            self.settles -= if health.position_age < POSE_LATE { dt } else { 0.0 };
+            self.settles -= if health.position_age < POSE_LOST { dt } else { 0.0 };
             return None;
         }
         if self.stepped && self.window.is_none_or(|window| window.time > window.length) {

@@ -19,13 +19,17 @@ const DOUBTED: f64 = 1.5;
 const FASTER: f64 = 5.0;
 /// A vehicle that is unloaded by force counts as lying on something after this time, s.
 const REST: f64 = 2.0;
+/// Whatever is felt, a vehicle without a place whose rotors have carried nothing for this time, s, has fallen down.
+const FALLS: f64 = 10.0;
 
 /// A descent by force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Forced {
-    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing, s.
+    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing while the vehicle lay still, s.
     carried: f64,
     unloaded: f64,
+    /// For how long they have carried nothing, whatever was felt, s.
+    falling: f64,
     /// Mean upward force that is felt, N.
     felt: f64,
     /// Distance that it has sunk by its speed, m, and for how long the speed is not used, s.
@@ -37,12 +41,12 @@ impl Forced {
     /// The rotors carry the whole weight, or what carries a vehicle whose speed is not known.
     pub(super) fn begin(seen: &Seen) -> Self {
         let carried = if seen.sinks.is_some() { 1.0 } else { 1.0 - BLIND_ACCELERATION / GRAVITY };
-        Self { carried, unloaded: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 }
+        Self { carried, unloaded: 0.0, falling: 0.0, felt: 0.0, sunk: 0.0, doubted: 0.0 }
     }
 
-    /// One tick; `rests` says whether the IMU alone shows rest. Returns the largest part of the weight that the rotors
-    /// carry, and whether the vehicle lies on something.
-    pub(super) fn step(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> (f64, bool) {
+    /// One tick; `rests` says whether the IMU alone shows rest, if it shows anything. Returns the largest part of the weight that the
+    /// rotors carry, and whether the vehicle lies on something.
+    pub(super) fn step(&mut self, seen: &Seen, weight: f64, rests: Option<bool>, dt: f64) -> (f64, bool) {
         let placed = seen.above.is_some();
         let (least, part, mean) = GROUND_CARRIES;
         let felt = seen.observed_w.map_or(0.0, |force| force.z);
@@ -71,10 +75,12 @@ impl Forced {
         // What moves sideways without thrust is carried by a push, not by something that it lies on.
         let carried_away = placed && seen.speed > fast;
         let lies = !carried_away && seen.velocity.abs() < STILL.0;
-        // Without a place only rest shows the ground; if nothing is felt, nothing can show it.
-        let rests = (stands || seen.hopeless) && (rests || seen.felt.is_none());
-        let still = self.carried <= LOADS.1 && (rests || lies);
+        // Where neither place nor speed shows the ground, only rest shows it; if nothing is felt, nothing can show it.
+        let unsure = stands || seen.hopeless;
+        let lowest = self.carried <= LOADS.1;
+        let still = lowest && (unsure && rests.unwrap_or(true) || lies);
         self.unloaded = if still { self.unloaded + dt } else { 0.0 };
-        (self.carried, self.unloaded > REST)
+        self.falling = if lowest && unsure { self.falling + dt } else { 0.0 };
+        (self.carried, self.unloaded > REST || self.falling > FALLS)
     }
 }

@@ -182,7 +182,7 @@ impl Landing {
 
     /// Whether a vehicle that is not upright, or cannot be kept upright, lies on the ground. It cannot be unloaded to
     /// find out.
-    fn lies(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> bool {
+    fn lies(&mut self, seen: &Seen, weight: f64, rests: Option<bool>, dt: f64) -> bool {
         if !(seen.toppled || seen.adrift) {
             self.lying = (0.0, 0.0);
             return false;
@@ -195,13 +195,15 @@ impl Landing {
         let known = seen.toppled && seen.above.is_some();
         let lost = seen.toppled && !known;
         let slow = seen.velocity.abs() < if known { LIES_STILL.0 } else { STILL.0 };
-        let slow = if lost && seen.felt.is_some() { rests } else { slow };
+        let slow = rests.filter(|_| lost).unwrap_or(slow);
         let carried = |force: Vector3| if lost { force.norm() } else { force.z };
         let feels = seen.observed_w.is_some_and(|force| carried(force) > SHARE * weight);
         let feels = feels && (slow || seen.adrift && !seen.toppled);
         let (felt, still) = &mut self.lying;
         *felt = (*felt + if feels { dt } else { -dt }).max(0.0);
-        let stands = seen.missing > SHARE * weight && slow;
+        // Without a pose thrust may be missing because the vertical is wrong; then the force must show it, too.
+        let shown = *felt > 0.0 || !lost || rests.is_none();
+        let stands = seen.missing > SHARE * weight && slow && shown;
         *still = if stands { *still + dt } else { 0.0 };
         let (felt_for, still_for) = if known { (LIES_STILL.1, LIES_STILL.1) } else { (FELT.1, STILL.1) };
         *felt > felt_for || *still > still_for
@@ -217,7 +219,7 @@ impl Landing {
     }
 
     /// Changes the thrust until the vehicle comes down.
-    fn force(&mut self, seen: &Seen, weight: f64, rests: bool, dt: f64) -> Verdict {
+    fn force(&mut self, seen: &Seen, weight: f64, rests: Option<bool>, dt: f64) -> Verdict {
         if self.rests(seen, weight, dt) {
             return Verdict::Down;
         }
@@ -327,6 +329,13 @@ mod tests {
             let forced = Seen { forced: true, hopeless: true, felt, ..lies };
             assert_ne!(run(|_, _| forced).0, Verdict::Down);
         }
+        // In a hover with a wrong vertical thrust seems to be missing, and nothing is felt.
+        let hover = Seen { toppled: true, missing: 0.6 * WEIGHT, velocity: -1.0, ..AIR };
+        assert_ne!(run(|_, _| hover).0, Verdict::Down);
+        // Samples that are missing now and then, and the bias of an accelerometer, hide no rest.
+        let biased = air(GRAVITY + 1.0, 0.0);
+        let still = |time: f64, _| Seen { felt: biased.filter(|_| time % 0.1 > 0.01), ..lies };
+        assert_eq!(run(still).0, Verdict::Down);
         assert_ne!(run(|_, _| Seen { above: Some(0.5), ..lies }).0, Verdict::Down);
         // Where up is known, a push aside is no ground.
         let pushed = Seen { above: Some(-0.2), ..lies };

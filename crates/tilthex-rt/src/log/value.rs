@@ -123,8 +123,10 @@ impl<S> Message<S> {
         for field in self.fields.iter().filter(|field| !field.state.is_empty()) {
             if let Get::Wrench(get) = field.get {
                 let wrench = get(source);
-                state.insert("force".into(), vector(&wrench.force));
-                state.insert("torque".into(), vector(&wrench.torque));
+                let parts = [&wrench.force, &wrench.torque];
+                for (name, part) in field.state.split(", ").zip(parts) {
+                    state.insert(name.into(), vector(part));
+                }
             } else {
                 state.insert(field.state.into(), field.value(source, rotor_count));
             }

@@ -257,7 +257,8 @@ impl Judge {
             let wrench = Vector6::from_iterator((to_r * needed_w).iter().chain(&torque).copied());
             self.allocator.allocate(&wrench).given_up.is_none()
         };
-        let lifts = !world.injections.iter().any(|i| i.kind.takes_lift() && i.begin <= world.now());
+        let due = |i: &Injection| (i.begin..i.begin + i.duration).contains(&world.now());
+        let lifts = !world.injections.iter().any(|i| i.kind.takes_lift() && due(i));
         !lifts || !balances(Vector3::zeros()) && !balances(tilted)
     }
 
