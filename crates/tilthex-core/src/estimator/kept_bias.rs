@@ -51,3 +51,52 @@ impl Head {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        GRAVITY,
+        estimator::{Estimator, EstimatorParams},
+        types::{Matrix3, PoseSample},
+    };
+
+    /// The bias that was learnt is there again when the gyro returns, also if the motion was doubted meanwhile.
+    #[test]
+    fn a_doubted_motion_leaves_the_bias() {
+        let (place_w, level) = (Vector3::new(0.0, 0.0, 1.0), Matrix3::identity());
+        let bias = Vector3::new(0.02, -0.01, 0.015);
+        let mut estimator = Estimator::new(EstimatorParams::default()).unwrap();
+        estimator.initialize(0.0, &place_w, &level).unwrap();
+        let force = GRAVITY * Vector3::z();
+        let mut time = 0.0;
+        let mut go =
+            |estimator: &mut Estimator, quality, gyro: &Vector3, rotation_wr: Matrix3, ticks: usize| {
+                for k in 0..ticks {
+                    time += 0.002;
+                    estimator.predict_as(quality, time, gyro, &force);
+                    if k % 5 == 0 {
+                        let pose = PoseSample {
+                            time,
+                            arrival: time,
+                            position_w: place_w,
+                            rotation_wr,
+                            tracking_valid: true,
+                        };
+                        estimator.update_pose(&pose);
+                    }
+                }
+            };
+        go(&mut estimator, Quality::Measured, &bias, level, 4000);
+        let before = estimator.navigation().gyro_bias_i;
+        assert!((before - bias).norm() < 5e-3, "{before}");
+        // The model turns, and the frozen poses do not: the model's rate seems to have a large error.
+        go(&mut estimator, Quality::Modelled, &Vector3::new(0.0, 0.4, 0.0), level, 200);
+        assert!((estimator.navigation().gyro_bias_i - before).norm() > 0.1);
+        estimator.doubt_motion();
+        go(&mut estimator, Quality::Modelled, &Vector3::zeros(), level, 2);
+        go(&mut estimator, Quality::Measured, &bias, level, 2);
+        let after = estimator.navigation().gyro_bias_i;
+        assert!((after - before).norm() < 5e-3, "{before} {after}");
+    }
+}

@@ -44,8 +44,8 @@ pub(super) struct Field<S> {
     pub(super) name: &'static str,
     /// Its unit; empty if it has none.
     pub(super) unit: &'static str,
-    /// Its name in the state of the control socket; empty if the state does not hold it. The state holds a wrench as `force`
-    /// and `torque`.
+    /// Its name in the state of the control socket; empty if the state does not hold it. A wrench has two names there,
+    /// of its force and of its torque.
     pub(super) state: &'static str,
     pub(super) doc: &'static str,
     pub(super) get: Get<S>,
