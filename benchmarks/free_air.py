@@ -1,6 +1,6 @@
 """False contact in motion and the turn of a soft wrist, in free air, of vehicles that are not their model.
 
-    python -m benchmarks.free_air --truth measured --truth cad --seeds 40
+    python -m benchmarks.free_air --truth measured --truth cad --seeds 20
 
 Every drawn vehicle takes off, flies the calibration and then, without noise, to and fro, tilted by 15
 degrees, at 1 m/s at most. *Force* and *torque* are the rms of the contact wrench at the tool above 0.8 m/s.

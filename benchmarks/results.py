@@ -88,7 +88,7 @@ PAGES = (
     Page(
         "free_air",
         "False contact in motion and the turn of a soft wrist, after the calibration flight",
-        ("python -m benchmarks.free_air --truth measured --truth cad --seeds 40 --first 6501",),
+        ("python -m benchmarks.free_air --truth measured --truth cad --seeds 20 --first 6501",),
     ),
     Page(
         "pull",
