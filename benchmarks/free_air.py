@@ -13,31 +13,23 @@ mean drag.
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
+from tilthex._toml import tomllib
 from tilthex.experiments import spec
 
+from benchmarks import wind
 from benchmarks.drawn import drawn
 from benchmarks.false_contact import BEFORE, FLYING, tilted
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Array = NDArray[np.float64]
 BEGIN = BEFORE["tilts"]
 """Time at which the calibration is over, s."""
 SETTLED = 10.0
 """Time after it in which a wind rises and is learnt, s."""
-WIND = Path(__file__).with_name("cad-wind.toml")
-DRAG = {"discrimination": True, "rotor_drag": 2.3e-4, "drag_area": [0.03, 0.03, 0.08]}
-"""What the configuration knows of the mean drag in `WIND`."""
 FAST = 0.8
 """The wrench counts above this speed, m/s."""
 HELD = 30.0
@@ -49,9 +41,9 @@ def known(truth: str) -> tuple[Any, dict[str, Any]]:
     config: dict[str, Any] = {"mission": {"calibration": "tilts"}}
     if truth != "wind":
         return truth, config
-    keys = tomllib.loads(WIND.read_text())["truth"]
+    keys = tomllib.loads(wind.FILE.read_text())["truth"]
     keys["aerodynamics"]["wind_begin"] = BEGIN
-    return keys, config | {"contact": DRAG}
+    return keys, config | {"contact": wind.CONTACT}
 
 
 def to_and_fro(seed: int) -> tilthex.Trajectory:

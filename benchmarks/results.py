@@ -16,6 +16,8 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks import wind
+
 ROOT = Path(__file__).resolve().parent.parent
 RESULTS = ROOT / "docs" / "results"
 TERMINAL = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
@@ -99,9 +101,8 @@ PAGES = (
         "wind",
         "Vehicles from their drawings in a wind of 3 m/s with gusts, after the calibration flight",
         tuple(
-            f"tilthex experiment {name} --truth benchmarks/cad-wind.toml --calibration tilts "
-            "--set config.contact.discrimination=true --set config.contact.rotor_drag=2.3e-4 "
-            "--set 'config.contact.drag_area=[0.03,0.03,0.08]' --out out/results/wind"
+            f"tilthex experiment {name} --truth benchmarks/{wind.FILE.name} --calibration tilts "
+            f"{wind.options()} --out out/results/wind"
             for name in (
                 "shaping --short --seed 4041 --set config.contact.point_contact=true",
                 "sliding --seed 4042 --set config.contact.point_contact=true",

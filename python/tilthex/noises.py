@@ -5,7 +5,6 @@ The innovations have Student's t-distribution, so that a few outliers do not cou
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,12 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core
+from tilthex._toml import tomllib
 from tilthex.recording import Recording
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 Array = NDArray[np.float64]
 

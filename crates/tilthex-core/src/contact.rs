@@ -3,8 +3,9 @@
 //! Two causes explain the observed wrench. Wind causes the drag of the airspeed `v - W`, whose torque about the tool
 //! is that of a force at the rotors and the airframe; W changes slowly. A touch causes a force at the tool, with
 //! little torque about it, and begins suddenly. A Kalman filter estimates the wind W, a random walk that is observed
-//! through the drag of the model, while nothing touches the tool. During a touch W returns to its mean. At the same
-//! time the log-odds of contact are computed: the logarithm of the ratio of the likelihoods of the innovation
+//! through the drag of the model, while nothing touches the tool. During a touch W returns to its mean; if touches have
+//! no torque about the tool (`point_contact`), the torque corrects W, too. At the same time the log-odds of contact
+//! are computed: the logarithm of the ratio of the likelihoods of the innovation
 //!
 //! ```text
 //! n = h_hat - drag(v - W),   without contact: N(0, J P J' + R),   with contact: N(0, J P J' + R + C),
@@ -79,7 +80,8 @@ pub struct ContactParams {
 pub struct WindWalk {
     /// Standard deviation of each horizontal component, m/s.
     pub horizontal: f64,
-    /// Standard deviation of the vertical component, m/s. Near the ground there are only gusts along the vertical.
+    /// Standard deviation of the vertical component, m/s, and of the gusts in every direction. Near the ground there are only
+    /// gusts along the vertical.
     pub vertical: f64,
     /// The time in which each component changes by its deviation, s.
     pub time: f64,

@@ -11,6 +11,18 @@ use tilthex_sim::{
     campaign::{self, Injection, Kind, Part, World},
 };
 
+fn fault(kind: Kind, begin: f64, duration: f64, strength: f64, index: usize) -> Injection {
+    Injection { kind, begin, duration, strength, index }
+}
+
+/// Flies stories, each with its seed and its faults: none fails.
+fn none_fails(stories: &[(u64, &[Injection])]) {
+    for &(seed, faults) in stories {
+        let outcome = campaign::fly(hovering(), faults.to_vec(), seed);
+        assert_eq!(outcome.failure, None, "{outcome:?}");
+    }
+}
+
 fn hovering() -> World {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     campaign::hover(config.linked_params(true).expect("valid")).expect("it hovers")
@@ -62,7 +74,6 @@ fn faults_are_seen_and_answered_as_the_table_says() {
 /// the poses of another body after missing samples, with a wrong attitude on the ground, and with a wrong vertical speed.
 #[test]
 fn what_failed_once_is_mended() {
-    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
     let clock = fault(Kind::CaptureClock, 2.0592582656768093, 2.6022380754951784, 0.16019811796131012, 5);
     let silence = fault(Kind::CommandsLost, 1.8774138265466533, 1.7121289415127916, 0.6809567021571429, 2);
     let late = fault(Kind::LineLate, 1.74, 0.16348389710778313, 0.5672472237816106, 12);
@@ -72,23 +83,19 @@ fn what_failed_once_is_mended() {
     let another =
         fault(Kind::CaptureOtherBody, 1.960270130591542, 1.3816752064462055, 0.7654194374305122, 14);
     let step = fault(Kind::AccelerometerBias, 2.134336106888703, 1.2305387291654717, 0.8201846049629365, 35);
-    for (seed, faults) in [
-        (973403, vec![clock]),
-        (974797, vec![silence]),
-        (975012, vec![late, other]),
-        (1106573, vec![saturated, default]),
-        (1107846, vec![another, step]),
-    ] {
-        let outcome = campaign::fly(hovering(), faults, seed);
-        assert_eq!(outcome.failure, None, "{outcome:?}");
-    }
+    none_fails(&[
+        (973403, &[clock]),
+        (974797, &[silence]),
+        (975012, &[late, other]),
+        (1106573, &[saturated, default]),
+        (1107846, &[another, step]),
+    ]);
 }
 
 /// Poses of another body that were refused by a certain state are not believed because samples are missing or a blow comes. Poses
 /// that freeze while no inertial sample comes are found, and true poses are no lie where nothing had corrected the state.
 #[test]
 fn false_poses_stay_false_and_true_poses_true_while_samples_are_missing() {
-    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
     let stall = fault(Kind::StalledInTick, 2.1044563673786745, 0.37538753085642795, 0.40442138811715667, 25);
     let other = fault(Kind::CaptureOtherBody, 0.8608897513524225, 1.628697315747216, 0.6766497466600844, 19);
     let another =
@@ -98,30 +105,23 @@ fn false_poses_stay_false_and_true_poses_true_while_samples_are_missing() {
     let unplugged = fault(Kind::Unplugged, 1.9948748518967045, 0.9078124170237521, 0.3508920403397777, 3);
     let gone = fault(Kind::Unplugged, 1.1617832274320248, 0.9103695958480195, 0.37585703305821183, 14);
     let frozen = fault(Kind::CaptureFrozen, 1.932740662199862, 1.6880573660865734, 0.8402144822399374, 5);
-    for (seed, faults) in [
-        (1109479, vec![stall, other]),
-        (1602983, vec![another, flips]),
-        (1605599, vec![default, unplugged]),
-        (1900999, vec![gone, frozen]),
-    ] {
-        let outcome = campaign::fly(hovering(), faults, seed);
-        assert_eq!(outcome.failure, None, "{outcome:?}");
-    }
+    none_fails(&[
+        (1109479, &[stall, other]),
+        (1602983, &[another, flips]),
+        (1605599, &[default, unplugged]),
+        (1900999, &[gone, frozen]),
+    ]);
 }
 
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]
 fn what_no_command_can_prevent_is_not_judged() {
-    let fault = |kind, begin, duration, strength, index| Injection { kind, begin, duration, strength, index };
     let push = fault(Kind::Push, 1.1937441541548113, 0.14120358835866106, 0.8192113198356831, 4);
     let stall = fault(Kind::StalledInTick, 1.1789303268831124, 0.22462998598402334, 0.9246264340702102, 18);
     let motor = fault(Kind::MotorEmergency, 2.8798102181081786, 1.3500975260289696, 0.04951972101242952, 2);
     let arm = fault(Kind::PushOnArm, 2.3692490191351654, 2.4763095187029003, 0.9341258744705702, 21);
-    for (seed, faults) in [(1904933, vec![push, stall]), (1802474, vec![motor, arm])] {
-        let outcome = campaign::fly(hovering(), faults, seed);
-        assert_eq!(outcome.failure, None, "{outcome:?}");
-    }
+    none_fails(&[(1904933, &[push, stall]), (1802474, &[motor, arm])]);
 }
 
 /// A step of the accelerometer's bias is a wrong accelerometer, not false poses: while it lasts and after it has ended.

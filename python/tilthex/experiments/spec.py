@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import difflib
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -20,14 +19,10 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import tilthex
+from tilthex._toml import tomllib
 from tilthex.experiments import ranges
 from tilthex.experiments.scenes import SCENES, Scene
 from tilthex.experiments.world import Noise
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 __all__ = ["Experiment", "Run", "Waypoint", "built_in", "load", "merge", "read_toml"]
 

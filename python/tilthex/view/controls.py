@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,12 +9,8 @@ import viser.transforms as vtf
 from numpy.typing import NDArray
 from viser import Icon
 
+from tilthex._toml import tomllib
 from tilthex.view.scene import wxyz
-
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
 
 if TYPE_CHECKING:
     import viser

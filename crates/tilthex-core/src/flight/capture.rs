@@ -201,6 +201,13 @@ impl CaptureWatch {
         (self.window, self.settles) = (None, SETTLES);
     }
 
+    /// Once a tick of `dt` s: poses correct the state after a blow. Without poses nothing corrects it.
+    pub(super) fn settle(&mut self, pose_age: f64, dt: f64) {
+        if pose_age < POSE_LOST {
+            self.settles = (self.settles - dt).max(0.0);
+        }
+    }
+
     /// Once a tick of `dt` s in flight: whether the estimate, which follows poses, contradicts the motion by the IMU.
     /// `external_r` is the external wrench that the IMU shows beyond the bias, robot axes.
     pub(super) fn contradicts(
@@ -217,8 +224,6 @@ impl CaptureWatch {
         }
         let health = estimator.health();
         if self.settles > 0.0 {
-            // Without poses nothing corrects the state.
-            self.settles -= if health.position_age < POSE_LOST { dt } else { 0.0 };
             return None;
         }
         if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
@@ -293,5 +298,25 @@ impl CaptureWatch {
     /// The vehicle takes off from rest: its first motion is computed in one window.
     pub(super) fn take_off(&mut self, state: &Navigation) {
         self.window = self.rest.map(|rest| Window::from(state, &rest, RECKONED_FIRST, (0.0, 0.0)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// After a blow the watch waits for poses, also for slow ones, and no longer than they need.
+    #[test]
+    fn slow_poses_end_the_wait_after_a_blow() {
+        let waits = |pose_age: f64| {
+            let mut watch = CaptureWatch::default();
+            watch.struck();
+            (0..5000).find(|_| {
+                watch.settle(pose_age, 0.002);
+                watch.settles == 0.0
+            })
+        };
+        assert_eq!(waits(0.07), waits(0.0));
+        assert!(waits(0.0).is_some_and(|ticks| ticks >= 149) && waits(2.0 * POSE_LOST).is_none());
     }
 }

@@ -25,7 +25,8 @@ const FALLS: f64 = 10.0;
 /// A descent by force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Forced {
-    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing while the vehicle lay still, s.
+    /// Largest part of the weight that the rotors carry, and for how long they have carried nothing while the vehicle lay
+    /// still, s.
     carried: f64,
     unloaded: f64,
     /// For how long they have carried nothing, whatever was felt, s.

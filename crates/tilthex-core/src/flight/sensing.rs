@@ -108,6 +108,7 @@ impl Flight {
         if matches!(phase, Phase::Disarmed | Phase::Starting) {
             self.capture.rests(&self.estimator.navigation());
         }
+        self.capture.settle(self.estimator.health().position_age, dt);
         let output = self.output.as_ref().filter(|_| phase.in_flight())?;
         let robot = self.estimator.robot_state();
         let external_r = output.contact(&robot, &self.control.bias_r);

@@ -23,6 +23,11 @@ pub struct Injection {
 const FOR_GOOD: f64 = 1e6;
 
 impl Injection {
+    /// Whether it acts at a time, s.
+    pub(super) fn acts_at(&self, time: f64) -> bool {
+        (self.begin..self.begin + self.duration).contains(&time)
+    }
+
     /// A random fault for a vehicle with `rotors` rotors. Its kind is one of `kinds`, which holds at least one. It
     /// begins within `window` seconds; a built-in fault begins at power-on.
     pub fn random(random: &mut Random, kinds: &[Kind], window: f64, rotors: usize) -> Self {

@@ -257,8 +257,7 @@ impl Judge {
             let wrench = Vector6::from_iterator((to_r * needed_w).iter().chain(&torque).copied());
             self.allocator.allocate(&wrench).given_up.is_none()
         };
-        let due = |i: &Injection| (i.begin..i.begin + i.duration).contains(&world.now());
-        let lifts = !world.injections.iter().any(|i| i.kind.takes_lift() && due(i));
+        let lifts = !world.injections.iter().any(|i| i.kind.takes_lift() && i.acts_at(world.now()));
         !lifts || !balances(Vector3::zeros()) && !balances(tilted)
     }
 

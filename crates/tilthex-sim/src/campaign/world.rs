@@ -165,7 +165,7 @@ impl World {
         let now = self.now();
         let mut out = Vec::new();
         for (injection, active) in self.injections.iter().zip(&mut self.active) {
-            let due = (injection.begin..injection.begin + injection.duration).contains(&now);
+            let due = injection.acts_at(now);
             let (begins, ends) = (due && !active.on, !due && active.on);
             active.on = due;
             let mut on =
