@@ -1,4 +1,4 @@
-"""The wind in which benchmarks fly vehicles from their drawings, and the drag that the configuration knows."""
+"""The wind in which benchmarks fly vehicles from their drawings, and the drag that a configuration knows."""
 
 from __future__ import annotations
 
