@@ -326,7 +326,7 @@ FAULTS = (
         "capture axes",
         "refuse",
         "land",
-        "up to 0.3 m above the ground its motors are stopped; check the up axis of motion capture, that its axes are right-handed, and the yaw at which the body is defined",
+        "up to 0.3 m above the ground its motors are stopped; above it the yaw that was found is taken out of the poses; check the up axis of motion capture, that its axes are right-handed, and the yaw at which the body is defined",
     ),
     Fault(
         "lift-off",

@@ -261,6 +261,16 @@ impl Estimator {
         (self.head.kept_bias, self.current_kept_bias) = kept;
     }
 
+    /// Continues with a vehicle that is turned by a yaw, rad, about the world's vertical, because the captured body was found
+    /// to be turned. Position and velocity stay.
+    pub(crate) fn turn(&mut self, yaw: f64) {
+        let before = self.navigation();
+        let rotation_wi = so3::rot_z(yaw) * before.rotation_wi;
+        let position_w = before.position_w + (before.rotation_wi - rotation_wi) * self.derived.arm_i;
+        let deviation = self.head.state.axis_deviations();
+        self.go_on(Navigation { position_w, rotation_wi, ..before }, &deviation);
+    }
+
     /// Continues from a state that was computed without poses.
     pub(crate) fn go_on_from(&mut self, mean: Navigation) {
         self.go_on(mean, &InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial });

@@ -3,7 +3,11 @@
 //! These errors do not show on the ground, because the legs take every force of the rotors. In the first decimetres a
 //! correct vehicle stays level above its start; an incorrect one is stopped while a stop does no harm.
 
-use super::{Flight, capture::Contradiction, witness::Witness};
+use super::{
+    Flight,
+    capture::Contradiction,
+    witness::{Told, Witness},
+};
 use crate::{
     GRAVITY, so3,
     supervisor::{
@@ -23,8 +27,9 @@ const ASTRAY: f64 = 0.7;
 /// A captured body that has come this far the wrong way up, m, and as a part of what is felt, shows a mirror image.
 const REVERSED: (f64, f64) = (0.02, 0.5);
 
-/// A vehicle that is faster than this, m/s and rad/s, is not stopped.
+/// A vehicle that is faster than this, m/s and rad/s, is not stopped, unless it is lower than this, m.
 const FAST: (f64, f64) = (2.0, 4.0);
+const LOW: f64 = 0.1;
 
 /// The watch of the first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -35,14 +40,15 @@ pub(super) struct LiftOff {
     witness: Option<Witness>,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
-    /// How much later than their times poses were when it was found, s.
-    late: Option<f64>,
+    /// What poses and accelerometer showed when it was found.
+    told: Told,
 }
 
 impl LiftOff {
     /// A take-off begins.
     pub(super) fn begin(&mut self) {
-        *self = Self { since: Some(0.0), witness: Some(Witness::default()), fault: None, late: None };
+        *self =
+            Self { since: Some(0.0), witness: Some(Witness::default()), fault: None, told: Told::default() };
     }
 
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
@@ -53,10 +59,19 @@ impl LiftOff {
         }
     }
 
-    /// The pose with the time at which it was captured, if poses were found to be late.
-    pub(super) fn dated(&self, pose: &PoseSample) -> PoseSample {
-        let late = self.late.filter(|_| self.fault == Some(Fault::CaptureLate));
-        PoseSample { time: pose.time - late.unwrap_or(0.0), ..*pose }
+    /// The pose with the time at which it was captured, if poses were found to be late, and with the yaw of the vehicle, if
+    /// the captured body was found to be turned. The vehicle is nearly level then.
+    pub(super) fn corrected(&self, pose: &PoseSample) -> PoseSample {
+        match self.fault {
+            Some(Fault::CaptureLate) => {
+                PoseSample { time: pose.time - self.told.late.unwrap_or(0.0), ..*pose }
+            }
+            Some(Fault::CaptureAxes) => {
+                let turn = so3::rot_z(self.told.yaw.unwrap_or(0.0));
+                PoseSample { rotation_wr: turn * pose.rotation_wr, ..*pose }
+            }
+            _ => *pose,
+        }
     }
 
     /// Takes a captured pose.
@@ -95,14 +110,22 @@ impl Flight {
         dt: f64,
     ) -> Option<Fault> {
         let watch = &mut self.lift_off;
-        // A delay shows in the first hover at the latest.
-        if self.guidance.ready() || matches!(phase, Phase::Landing | Phase::Emergency) {
+        // A delay or a yaw shows in the first hover at the latest, or in the landing to which it leads.
+        let inconsistent = self.supervisor.active().contains(Fault::EstimateInconsistent);
+        let lands = phase == Phase::Emergency || phase == Phase::Landing && !inconsistent;
+        if self.guidance.ready() || lands {
             watch.witness = None;
         }
-        let (late, mirrored) = watch.witness.as_ref().map_or((None, false), Witness::tells);
-        watch.late = late;
-        if late.is_some() && watch.since.is_none() {
-            watch.fault = Some(Fault::CaptureLate);
+        let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
+        watch.told = told;
+        if watch.since.is_none() {
+            if told.late.is_some() {
+                watch.fault = Some(Fault::CaptureLate);
+            } else if let Some(yaw) = told.yaw {
+                watch.fault = Some(Fault::CaptureAxes);
+                self.turn(yaw);
+            }
+            return None;
         }
         let since = watch.since? + dt;
         watch.since = Some(since).filter(|since| *since < LIFT_OFF_TIME && phase.in_flight());
@@ -124,20 +147,33 @@ impl Flight {
             let torque = output.contact(&robot, &self.control.bias_r).torque.norm();
             let wrong = torque > TORQUE * self.controller.weight_at_arm();
             Some(if tilted && wrong { Fault::MotorOrder } else { Fault::LiftOff })
-        } else if self.supervisor.active().contains(Fault::EstimateInconsistent) {
+        } else if inconsistent {
             // The IMU contradicts poses of a body whose yaw is wrong before any of the signs above shows.
             Some(Fault::CaptureAxes)
         } else {
-            late.map(|_| Fault::CaptureLate)
+            told.late.map(|_| Fault::CaptureLate).or(told.yaw.map(|_| Fault::CaptureAxes))
         };
-        let fault = fault.map(|fault| match (late, mirrored) {
+        let fault = fault.map(|fault| match (told.late, told.mirrored) {
             (Some(_), _) => Fault::CaptureLate,
             (None, true) => Fault::CaptureMirrored,
             (None, false) => fault,
         });
         self.lift_off.fault = fault;
-        // If the vehicle is already fast or tumbles, a landing does less harm than a stop.
-        fault.filter(|_| robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1)
+        if let Some(yaw) = told.yaw.filter(|_| fault == Some(Fault::CaptureAxes) && contradiction.is_none()) {
+            self.turn(yaw);
+        }
+        // If the vehicle is already fast or tumbles, a landing does less harm than a stop. It cannot land if its motors are
+        // exchanged.
+        let slow = robot.velocity_w.norm() < FAST.0 && robot.angular_velocity_r.norm() < FAST.1;
+        fault.filter(|fault| slow || height < LOW || *fault == Fault::MotorOrder)
+    }
+
+    /// The captured body is turned: from now on the estimate has the yaw of the vehicle.
+    fn turn(&mut self, yaw: f64) {
+        let before = self.robot_state();
+        self.estimator.turn(yaw);
+        self.capture.struck();
+        self.absorb_jump(&before, 0.0);
     }
 
     /// The cause of a contradiction between captured body and IMU, from the motion of both.
@@ -169,17 +205,24 @@ mod tests {
 
     proptest! {
         #[test]
-        fn poses_are_dated_back_by_the_delay_that_was_found_and_only_then(late in 0.04f64..0.3, time in 0.0f64..9.0) {
+        fn poses_are_corrected_by_what_was_found_and_only_then(
+            late in 0.04f64..0.3, yaw in 0.5f64..3.0, time in 0.0f64..9.0
+        ) {
             let (position_w, rotation_wr) = (Vector3::zeros(), Matrix3::identity());
             let pose = PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true };
+            let told = Told { late: Some(late), mirrored: false, yaw: Some(yaw) };
             for fault in [None, Some(Fault::CaptureLate), Some(Fault::CaptureAxes)] {
-                let watch = LiftOff { fault, late: Some(late), ..LiftOff::default() };
-                let expected = if fault == Some(Fault::CaptureLate) { time - late } else { time };
-                prop_assert_eq!(watch.dated(&pose), PoseSample { time: expected, ..pose });
+                let watch = LiftOff { fault, told, ..LiftOff::default() };
+                let expected = match fault {
+                    Some(Fault::CaptureLate) => PoseSample { time: time - late, ..pose },
+                    Some(Fault::CaptureAxes) => PoseSample { rotation_wr: so3::rot_z(yaw), ..pose },
+                    _ => pose,
+                };
+                prop_assert_eq!(watch.corrected(&pose), expected);
             }
-            let mut again = LiftOff { fault: Some(Fault::CaptureLate), late: Some(late), ..LiftOff::default() };
+            let mut again = LiftOff { fault: Some(Fault::CaptureLate), told, ..LiftOff::default() };
             again.begin();
-            prop_assert_eq!(again.dated(&pose), pose);
+            prop_assert_eq!(again.corrected(&pose), pose);
         }
     }
 }

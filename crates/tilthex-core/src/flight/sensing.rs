@@ -83,7 +83,7 @@ impl Flight {
             }
             if self.estimator.is_initialized() {
                 self.lift_off.see(pose);
-                self.estimator.update_pose(&self.lift_off.dated(pose));
+                self.estimator.update_pose(&self.lift_off.corrected(pose));
             } else if pose.tracking_valid && pose.is_finite() {
                 // Until the start succeeds, the operator gets this reason.
                 self.start_refused =

@@ -1,9 +1,9 @@
-//! Compares captured positions with the accelerometer just after lift-off: finds the delay of the poses, and whether
-//! they are a mirror image.
+//! Compares captured positions with the accelerometer just after lift-off: finds the delay of the poses, whether they are
+//! a mirror image, and a wrong yaw of the captured body.
 //!
 //! Second differences of both are correlated over a range of delays, so that neither a bias nor a drift has an
 //! effect. The largest correlation gives the delay, and its matrix the axes: a rotation keeps its determinant
-//! positive, a mirror image does not.
+//! positive, a mirror image does not. The matrix without a delay gives the yaw.
 
 use crate::{
     supervisor::limits::CAPTURE_LATE,
@@ -29,6 +29,19 @@ const BETTER: f64 = 0.15;
 /// A smaller determinant than this, divided by the squared sideways products, is a mirror image: a rotation has 1, a
 /// mirror image -1.
 const MIRRORS: f64 = -0.4;
+/// A horizontal correlation above this part shows a yaw; a smaller yaw than this, rad, does not make a flight unstable.
+const TURNS: (f64, f64) = (0.8, 0.5);
+
+/// What the comparison shows.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Told {
+    /// How much later than their times poses are, s.
+    pub(super) late: Option<f64>,
+    /// Whether poses are a mirror image.
+    pub(super) mirrored: bool,
+    /// The yaw by which the captured body must be turned, rad.
+    pub(super) yaw: Option<f64>,
+}
 
 /// The observations since the take-off began.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +59,9 @@ pub(super) struct Witness {
     products: [Matrix3; DELAYS],
     captured_square: f64,
     felt_square: f64,
+    /// Squares of the horizontal accelerations.
+    captured_level: f64,
+    felt_level: f64,
 }
 
 impl Default for Witness {
@@ -62,6 +78,8 @@ impl Default for Witness {
             products: [Matrix3::zeros(); DELAYS],
             captured_square: 0.0,
             felt_square: 0.0,
+            captured_level: 0.0,
+            felt_level: 0.0,
         }
     }
 }
@@ -125,8 +143,11 @@ impl Witness {
             *product = *product * kept + seen * rate.unwrap_or_default().transpose() * dt;
         }
         let now = rates.first().copied().flatten().unwrap_or_default();
-        self.captured_square = self.captured_square * kept + seen.norm_squared() * dt;
-        self.felt_square = self.felt_square * kept + now.norm_squared() * dt;
+        let add = |square: &mut f64, new: f64| *square = *square * kept + new * dt;
+        add(&mut self.captured_square, seen.norm_squared());
+        add(&mut self.felt_square, now.norm_squared());
+        add(&mut self.captured_level, seen.xy().norm_squared());
+        add(&mut self.felt_level, now.xy().norm_squared());
     }
 
     /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
@@ -140,16 +161,28 @@ impl Witness {
         self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
-    /// How much later than their times poses are, s, and whether they are a mirror image.
-    pub(super) fn tells(&self) -> (Option<f64>, bool) {
+    /// What the observations show.
+    pub(super) fn tells(&self) -> Told {
         let Some((steps, size, at_once, p)) = self.best().filter(|best| best.1 > TELLS) else {
-            return (None, false);
+            return Told::default();
         };
         let delay = steps as f64 * STEP;
         let late = delay >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER;
         let determinant = p.m11 * p.m22 - p.m12 * p.m21;
         let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
-        (late.then_some(delay), 2.0 * determinant < MIRRORS * square)
+        let mirrored = 2.0 * determinant < MIRRORS * square;
+        Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| !(late || mirrored)) }
+    }
+
+    /// The yaw that turns the felt motion onto the captured one, rad, if it is large.
+    fn yaw(&self) -> Option<f64> {
+        let p = self.products.first()?;
+        let (sine, cosine) = (p.m21 - p.m12, p.m11 + p.m22);
+        let scale = libm::sqrt(self.captured_level * self.felt_level);
+        let (part, least) = TURNS;
+        let yaw = libm::atan2(sine, cosine);
+        let shows = self.felt_level > SHAKES && libm::hypot(sine, cosine) > part * scale;
+        Some(yaw).filter(|yaw| shows && yaw.abs() > least)
     }
 
     /// Distance that the captured body has moved, m, world.
@@ -190,24 +223,26 @@ mod tests {
     }
 
     #[test]
-    fn delay_and_mirror_are_told_apart() {
+    fn delay_mirror_and_yaw_are_told_apart() {
         for seed in 0..5 {
             for yaw in [0.0, 0.5, 1.6, 3.1, -1.0] {
-                let good = watch(0.0, so3::rot_z(yaw), seed);
-                assert_eq!(good.tells(), (None, false), "{yaw}");
+                let told = watch(0.0, so3::rot_z(yaw), seed).tells();
+                assert_eq!((told.late, told.mirrored), (None, false), "{yaw}");
+                // A small yaw is no fault.
+                let near = told.yaw.map_or(yaw.abs() <= TURNS.1, |found| (found - yaw).abs() < 0.1);
+                assert!(near, "{:?} {yaw}", told.yaw);
                 for late in [0.12, 0.18, 0.25] {
                     let witness = watch(late, so3::rot_z(yaw), seed);
-                    let (found, mirrored) = witness.tells();
-                    assert!(
-                        !mirrored && found.is_some_and(|found| (found - late).abs() <= 0.5 * STEP + 1e-3),
-                        "{found:?} {late}"
-                    );
+                    let told = witness.tells();
+                    let found = told.late.is_some_and(|found| (found - late).abs() <= 0.5 * STEP + 1e-3);
+                    assert!(found && !told.mirrored && told.yaw.is_none(), "{told:?} {late}");
                 }
                 for axis in [0, 1] {
                     let mut mirror = so3::rot_z(yaw);
                     mirror.column_mut(axis).neg_mut();
-                    assert_eq!(watch(0.0, mirror, seed).tells(), (None, true));
-                    assert!(watch(0.1, mirror, seed).tells().1);
+                    let expected = Told { mirrored: true, ..Told::default() };
+                    assert_eq!(watch(0.0, mirror, seed).tells(), expected);
+                    assert!(watch(0.1, mirror, seed).tells().mirrored);
                 }
             }
         }
