@@ -15,6 +15,8 @@ use tilthex_core::{
 };
 
 const PERIOD: f64 = 0.002;
+/// Age of a pose when it arrives, s.
+const LATENCY: f64 = 0.016;
 
 /// The Tilt-Hex.
 fn vehicle() -> Vehicle {
@@ -72,9 +74,9 @@ fn admittance_step(count: usize, dt: f64) {
 fn estimator_tick(count: usize) {
     let mut estimator = Estimator::new(EstimatorParams::default()).expect("checked");
     let up = Vector3::new(0.0, 0.0, GRAVITY);
-    let pose = |time: f64| PoseSample {
-        time,
-        arrival: time,
+    let pose = |now: f64| PoseSample {
+        time: (now - LATENCY).max(0.0),
+        arrival: now,
         position_w: Vector3::zeros(),
         rotation_wr: Matrix3::identity(),
         tracking_valid: true,
@@ -84,7 +86,7 @@ fn estimator_tick(count: usize) {
         let time = PERIOD * (k + 1) as f64;
         estimator.predict(black_box(time), black_box(&Vector3::zeros()), black_box(&up));
         if k % 5 == 4 {
-            black_box(estimator.update_pose(black_box(&pose((time - 0.016).max(0.0)))));
+            black_box(estimator.update_pose(black_box(&pose(time))));
         }
     }
 }
