@@ -2,7 +2,7 @@
 
 use super::{
     section::{ConfigError, Section, section},
-    values::Axes,
+    values::{Axes, Square},
     vehicle::mounting,
 };
 use tilthex_core::{
@@ -25,6 +25,11 @@ section! {
         accelerometer_noise: f64 = 0.01 => "m/s^2/sqrt(Hz)" from 1e-5 to 10.0,
         /// Random walk of the gyro's bias.
         gyro_bias_walk: f64 = 1e-4 => "rad/s/sqrt(s)" from 1e-8 to 1.0,
+        /// Scale and misalignment of the gyro: the rate with its bias is this matrix times the reading, IMU axes. Three
+        /// numbers, its diagonal, or 3x3; `tilthex calibrate` finds it.
+        gyro_matrix: Square<3> = Square::diagonal([1.0; 3]) => "1",
+        /// Scale and misalignment of the accelerometer, as of the gyro.
+        accelerometer_matrix: Square<3> = Square::diagonal([1.0; 3]) => "1",
         /// Random walk of the accelerometer's bias.
         accelerometer_bias_walk: f64 = 1e-3 => "m/s^2/sqrt(s)" from 1e-7 to 10.0,
         /// Origin of the captured body, robot frame; `tilthex calibrate` finds it.
@@ -85,6 +90,8 @@ impl EstimatorSection {
             rotation_noise: self.rotation_noise_deg.to_radians(),
             imu_position_r: vehicle.imu().position_r,
             imu_rotation_ri: vehicle.imu().rotation_r,
+            gyro_matrix_i: self.gyro_matrix.0,
+            accelerometer_matrix_i: self.accelerometer_matrix.0,
             body_position_r: body.position_r,
             body_rotation_rc: body.rotation_r,
             gate_probability: self.gate_probability,

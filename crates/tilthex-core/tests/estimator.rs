@@ -125,6 +125,29 @@ proptest! {
         prop_assert!((a - b).amax() < 1e-9 * a.amax());
     }
 
+    /// A sensor with scale and misalignment, and the matrices that remove them, give the estimate of an exact sensor.
+    #[test]
+    fn matrices_of_the_sensors_remove_scale_and_misalignment(
+        seed in any::<u64>(), off in prop::array::uniform18(-0.05..0.05f64),
+    ) {
+        let exact = recording(seed, 0.6);
+        let [gyro, force] = [&off[..9], &off[9..]].map(|off| Matrix3::identity() + Matrix3::from_row_slice(off));
+        let mut read = exact.clone();
+        for (_, rate_i, force_i) in &mut read.imu {
+            (*rate_i, *force_i) = (gyro * *rate_i, force * *force_i);
+        }
+        let matrices = EstimatorParams {
+            gyro_matrix_i: gyro.try_inverse().unwrap(),
+            accelerometer_matrix_i: force.try_inverse().unwrap(),
+            ..params()
+        };
+        let (mut a, mut b) = (Estimator::new(params()).unwrap(), Estimator::new(matrices).unwrap());
+        run(&mut a, &exact, &exact.poses[1..], |_, _| ());
+        run(&mut b, &read, &exact.poses[1..], |_, _| ());
+        prop_assert!(distance(&a.robot_state(), &b.robot_state()) < 1e-8);
+        prop_assert!((a.specific_force_r() - b.specific_force_r()).amax() < 1e-8);
+    }
+
     /// Turning the world about its vertical turns the estimate, and changes nothing else.
     #[test]
     fn a_turned_world_turns_the_estimate(seed in any::<u64>(), angle in -3.0..3.0f64) {

@@ -1,7 +1,7 @@
 //! Applies samples and poses to the filter: each at its time, in order, in a bounded number of steps per tick.
 
 use super::{
-    Estimator, Outcome, POSITION_LIMIT, PoseReport, Quality, SHAKEN_NOISE, STEPS_PER_TICK,
+    Estimator, MODEL_NOISE, Outcome, POSITION_LIMIT, PoseReport, Quality, SHAKEN_NOISE, STEPS_PER_TICK,
     coarse::Coarse,
     history::{GAP, ImuEntry, PoseEntry},
     leaps::roughened,
@@ -55,6 +55,7 @@ impl Estimator {
         quality: Quality,
         observe: &mut impl FnMut(&PoseReport),
     ) {
+        let (gyro_i, specific_force_i) = &self.corrected(quality, gyro_i, specific_force_i);
         let last = self.samples.newest().map(|s| s.time);
         let sane = time.is_finite()
             && gyro_i.iter().all(|x| fabs(*x) <= GYRO_LIMIT)
@@ -81,6 +82,21 @@ impl Estimator {
         self.current = self.current.advance(&gyro, &force, dt.min(1.0));
         self.steps = STEPS_PER_TICK;
         self.work(time, observe);
+    }
+
+    /// The rate and the specific force, each with its bias, that a sample's readings show: scale and misalignment are removed.
+    /// A model has none.
+    pub(crate) fn corrected(
+        &self,
+        quality: Quality,
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+    ) -> (Vector3, Vector3) {
+        if quality.is_modelled() {
+            return (*gyro_i, *specific_force_i);
+        }
+        let p = &self.params;
+        (p.gyro_matrix_i * gyro_i, p.accelerometer_matrix_i * specific_force_i)
     }
 
     /// The leap of a sample from the two before it, beyond the usual leaps.
@@ -237,7 +253,7 @@ impl Estimator {
     /// The filter for an interval of this length before a sample.
     pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
         match self.samples.get(number).quality {
-            Quality::Modelled => self.model_filter,
+            Quality::Modelled => Ukf::unchecked(MODEL_NOISE),
             Quality::Measured if length <= GAP => {
                 let leap = self.samples.get(number).leap;
                 if leap == [Coarse::ZERO; 2] {
@@ -247,7 +263,7 @@ impl Estimator {
                 }
             }
             Quality::Measured => Ukf::unchecked(over_gap(length)),
-            Quality::Shaken | Quality::ModelledShaken => self.shaken_filter,
+            Quality::Shaken | Quality::ModelledShaken => Ukf::unchecked(SHAKEN_NOISE),
         }
     }
 
@@ -314,4 +330,17 @@ fn over_gap(length: f64) -> ProcessNoise {
 
 fn count(counter: &mut u32) {
     *counter = counter.saturating_add(1);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The filter with these noises is made without a check.
+    #[test]
+    fn noises_of_shaken_and_modelled_samples_are_valid() {
+        for noise in [MODEL_NOISE, SHAKEN_NOISE, over_gap(0.02), over_gap(9.0)] {
+            assert!(Ukf::new(noise).is_ok(), "{noise:?}");
+        }
+    }
 }

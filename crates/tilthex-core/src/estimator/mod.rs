@@ -124,8 +124,6 @@ pub struct Estimator {
     params: EstimatorParams,
     derived: Derived,
     filter: Ukf,
-    shaken_filter: Ukf,
-    model_filter: Ukf,
     head: Head,
     initialized: bool,
     /// The mean at the newest sample.
@@ -162,8 +160,6 @@ impl Estimator {
         let state = UkfState::new(Navigation::ORIGIN, &params.initial);
         Ok(Self {
             filter: Ukf::new(params.process)?,
-            shaken_filter: Ukf::new(SHAKEN_NOISE)?,
-            model_filter: Ukf::new(MODEL_NOISE)?,
             head: Head {
                 state,
                 time: 0.0,

@@ -10,6 +10,9 @@ use crate::{
 };
 use libm::sqrt;
 
+/// Largest difference of an entry of a sensor's matrix from the identity.
+const MATRIX_OFF: f64 = 0.3;
+
 /// Parameters of the [`Estimator`](super::Estimator).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EstimatorParams {
@@ -23,6 +26,10 @@ pub struct EstimatorParams {
     pub imu_position_r: Vector3,
     /// Maps IMU coordinates to robot coordinates.
     pub imu_rotation_ri: Matrix3,
+    /// Maps readings of the gyro to the rate and its bias: scale and misalignment, IMU axes.
+    pub gyro_matrix_i: Matrix3,
+    /// Maps readings of the accelerometer to the specific force and its bias, IMU axes.
+    pub accelerometer_matrix_i: Matrix3,
     /// Position of the captured body's origin, m, robot.
     pub body_position_r: Vector3,
     /// Maps the captured body's coordinates to robot coordinates.
@@ -53,6 +60,8 @@ impl Default for EstimatorParams {
             rotation_noise: 0.12f64.to_radians(),
             imu_position_r: Vector3::zeros(),
             imu_rotation_ri: Matrix3::identity(),
+            gyro_matrix_i: Matrix3::identity(),
+            accelerometer_matrix_i: Matrix3::identity(),
             body_position_r: Vector3::zeros(),
             body_rotation_rc: Matrix3::identity(),
             gate_probability: 0.9999,
@@ -104,6 +113,20 @@ impl EstimatorParams {
         }
         so3::check_rotation("imu_rotation", &self.imu_rotation_ri)?;
         so3::check_rotation("body_rotation", &self.body_rotation_rc)?;
+        for (name, difference, matrix) in [
+            ("gyro_matrix", "difference of gyro_matrix from the identity", &self.gyro_matrix_i),
+            (
+                "accelerometer_matrix",
+                "difference of accelerometer_matrix from the identity",
+                &self.accelerometer_matrix_i,
+            ),
+        ] {
+            let off = (matrix - Matrix3::identity()).amax();
+            if !off.is_finite() {
+                return Err(Error::NotFinite { name });
+            }
+            check_range(difference, off, 0.0, MATRIX_OFF)?;
+        }
         self.initial.check()?;
         self.rest.check()?;
         Ok(Derived {

@@ -44,8 +44,9 @@ impl Flight {
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
             let dt = (s.time - last).max(0.0);
-            self.lift_off.feel(&self.estimator.navigation(), &s.specific_force_i, s.time, dt);
-            self.capture.feel(&s.gyro_i, &s.specific_force_i, self.estimator.missed_velocity(dt), dt);
+            let (gyro_i, force_i) = self.estimator.corrected(quality, &s.gyro_i, &s.specific_force_i);
+            self.lift_off.feel(&self.estimator.navigation(), &force_i, s.time, dt);
+            self.capture.feel(&gyro_i, &force_i, self.estimator.missed_velocity(dt), dt);
             last = s.time;
         }
         if inertial.refused_now || inertial.saturated {

@@ -1,0 +1,287 @@
+"""Finds the captured body's place, the latency, and scale and misalignment of the inertial sensors."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import _core
+from tilthex._toml import tomllib
+from tilthex.recording import Recording
+
+Array = NDArray[np.float64]
+
+LATENCIES = (-0.049, 0.1)
+"""The range of latencies in which `calibrate` searches, s: the history of the filter."""
+FARTHEST = 3.0
+"""Largest distance of the captured body from the robot's origin along each axis, m."""
+BLOCK = 1.0
+"""Innovations that are further apart than this count as independent, s."""
+TURNS = 0.05
+"""Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
+USUAL = 0.05, 0.02
+"""Standard deviations of the entries of the gyro's and of the accelerometer's matrix without a recording."""
+TELLS = 4.0
+"""A matrix is written if one of its entries is this many standard deviations from the configured one."""
+MATRICES = "gyro_matrix", "accelerometer_matrix"
+"""Their keys."""
+STEP = 1e-3
+"""Step of the derivatives, in parameters that are about 1."""
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """The captured body on the robot, the latency, and the matrices of the inertial sensors.
+
+    Attributes:
+        body_position: Origin of the captured body, m, robot, (3,).
+        body_rotation_deg: Roll, pitch, yaw of the captured body, degrees, (3,).
+        latency: What is subtracted from the time of every pose, s. A lag of the IMU makes it smaller.
+        deviation: Standard deviations of these seven values, in the same units, (7,).
+        gyro_matrix: The rate with its bias is this times the reading, IMU axes, (3, 3).
+        accelerometer_scale: The specific force with its bias is this times the reading, IMU axes, (3,).
+        gyro_deviation: Standard deviations of the entries of the gyro's matrix, (3, 3).
+        accelerometer_deviation: Those of the accelerometer's scale, (3,).
+        written: Names of the keys of matrices that differ from the configured ones. The others stay.
+    """
+
+    body_position: Array
+    body_rotation_deg: Array
+    latency: float
+    deviation: Array
+    gyro_matrix: Array
+    accelerometer_scale: Array
+    gyro_deviation: Array
+    accelerometer_deviation: Array
+    written: tuple[str, ...]
+
+    def config(self, config: _core.Config) -> _core.Config:
+        """A configuration with this place, latency, and the matrices that differ from the configured ones."""
+        keys: dict[str, Any] = {
+            "body_position": self.body_position.tolist(),
+            "body_rotation_deg": self.body_rotation_deg.tolist(),
+            "latency": self.latency,
+        }
+        matrices = {
+            "gyro_matrix": self.gyro_matrix.tolist(),
+            "accelerometer_matrix": self.accelerometer_scale.tolist(),
+        }
+        return config.replace(estimator=keys | {key: matrices[key] for key in self.written})
+
+    def __str__(self) -> str:
+        """The keys of a configuration, with the deviations as comments."""
+
+        def several(values: Array) -> str:
+            return ", ".join(f"{value:.4g}" for value in values)
+
+        rows = ", ".join(f"[{', '.join(f'{value:.5f}' for value in row)}]" for row in self.gyro_matrix)
+        scale = ", ".join(f"{value:.5f}" for value in self.accelerometer_scale)
+        found = {
+            "gyro_matrix": f"[{rows}]  # each within {self.gyro_deviation.max():.2g}",
+            "accelerometer_matrix": f"[{scale}]  # +- {several(self.accelerometer_deviation)}",
+        }
+        kept = "as configured, within what the recording tells"
+        return "\n".join(
+            [
+                "[estimator]",
+                f"body_position = [{several(self.body_position)}]  # +- {several(self.deviation[:3])} m",
+                f"body_rotation_deg = [{several(self.body_rotation_deg)}]"
+                f"  # +- {several(self.deviation[3:6])} degrees",
+                f"latency = {self.latency:.4g}  # +- {self.deviation[6]:.4g} s",
+                *(
+                    f"{key} = {text}" if key in self.written else f"# {key} = {text}: {kept}"
+                    for key, text in found.items()
+                ),
+            ]
+        )
+
+
+def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Calibration:
+    """Finds the captured body's pose on the robot, the latency of the poses, and the sensors' matrices.
+
+    They are the ones that minimise the innovations. The search starts with the rotation that aligns both
+    angular velocities (Wahba's problem), so that any rotation can be found. The latency is between -50 and
+    100 ms. The matrices are searched last, together with the place; what a recording does not tell of them
+    stays near the configured values. The flight must turn about at least two axes. The deviations show what
+    the flight does not determine; they are from the scatter between blocks of a second.
+
+    Args:
+        recording: A flight of about ten seconds.
+        config: The configuration; its IMU mounting, noises and matrices are where the search begins.
+        settle: Innovations before this time do not count, s.
+
+    Returns:
+        The calibration; a matrix that does not differ from the configured one is not in its keys.
+
+    Raises:
+        ValueError: The recording does not tell how the body is mounted, or a value comes out at its bound.
+    """
+    from scipy.optimize import least_squares
+
+    search = _Search(recording.tracked(), config, settle)
+    # A filter that hardly trusts the poses leads near to the result; the configured filter then
+    # finds it.
+    coarse = search.config.replace(estimator={"position_noise": 0.05, "rotation_noise_deg": 5.0})
+    bounds = search.bounds()
+    place: dict[str, Any] = {"jac": search.jacobian, "bounds": bounds, "max_nfev": 40}
+    near = least_squares(search.residuals, np.ones(7), args=(coarse,), **place)
+    found = least_squares(search.residuals, near.x, args=(search.config,), loss="soft_l1", **place)
+    at_bound = np.minimum(abs(found.x - bounds[0]), abs(found.x - bounds[1])) < 0.1
+    if at_bound.any():
+        best = search.calibration(found.x)
+        what = "latency" if at_bound[6] else "place of the body"
+        raise ValueError(
+            f"the {what} comes out at its bound (latency {best.latency:.3f} s, place "
+            f"{np.round(best.body_position, 2).tolist()} m): the clocks of poses and samples differ by "
+            f"more than {LATENCIES[0]} to {LATENCIES[1]} s; move the times of the poses"
+        )
+    all_of_it = least_squares(
+        search.residuals,
+        np.r_[found.x, np.ones(12)],
+        jac=search.jacobian,
+        args=(search.config,),
+        loss="soft_l1",
+        max_nfev=8,
+    )
+    whole = search.with_deviations(all_of_it)
+    if whole.written:
+        return whole
+    return replace(
+        search.with_deviations(found),
+        gyro_matrix=whole.gyro_matrix,
+        accelerometer_scale=whole.accelerometer_scale,
+        gyro_deviation=whole.gyro_deviation,
+        accelerometer_deviation=whole.accelerometer_deviation,
+    )
+
+
+class _Search:
+    """The search for a calibration. Parameters are about 1: the place's 7, or these and the matrices' 12."""
+
+    def __init__(self, recording: Recording, config: _core.Config, settle: float) -> None:
+        self.config = config.replace(estimator={"gate_probability": 1.0})
+        self._recording = recording
+        self._counts = recording.pose_time > recording.pose_time[0] + settle
+        self._start = _aligned_by_rate(recording, config)
+        keys = tomllib.loads(config.to_toml())["estimator"]
+        matrices = [np.asarray(keys[f"{sensor}_matrix"], float) for sensor in ("gyro", "accelerometer")]
+        self._gyro, force = (np.diag(each) if each.ndim == 1 else each for each in matrices)
+        self._force = np.diag(force)
+        self._scale = np.r_[[0.05] * 3, [0.02] * 3, 0.005, [USUAL[0]] * 9, [USUAL[1]] * 3]
+
+    def bounds(self) -> tuple[Array, Array]:
+        """The bounds of the place's parameters."""
+        low, high = np.full(7, -np.inf), np.full(7, np.inf)
+        scale = self._scale
+        low[:3], high[:3] = 1 - FARTHEST / scale[:3], 1 + FARTHEST / scale[:3]
+        low[6], high[6] = (1 + latency / scale[6] for latency in LATENCIES)
+        return low, high
+
+    def calibration(self, parameters: Array) -> Calibration:
+        """What parameters stand for, without deviations."""
+        from scipy.spatial.transform import Rotation
+
+        count = len(parameters)
+        x = np.zeros(19)
+        x[:count] = self._scale[:count] * (parameters - 1)
+        yaw_pitch_roll = (self._start * Rotation.from_rotvec(x[3:6])).as_euler("ZYX", degrees=True)
+        return Calibration(
+            body_position=x[:3],
+            body_rotation_deg=yaw_pitch_roll[::-1],
+            latency=float(x[6]),
+            deviation=np.zeros(7),
+            gyro_matrix=self._gyro + x[7:16].reshape(3, 3),
+            accelerometer_scale=self._force + x[16:],
+            gyro_deviation=np.zeros((3, 3)),
+            accelerometer_deviation=np.zeros(3),
+            written=MATRICES if count > 7 else (),
+        )
+
+    def residuals(self, parameters: Array, base: _core.Config) -> Array:
+        """The innovations in standard deviations, and what is known of the matrices without a recording."""
+        run = self._recording.estimate(_core.Ukf(self.calibration(parameters).config(base)))
+        whitened = (run.innovation / run.innovation_deviation)[self._counts]
+        innovations: Array = np.nan_to_num(whitened, nan=10.0).ravel()
+        whole: Array = np.concatenate([innovations, parameters[7:] - 1])
+        return whole
+
+    def jacobian(self, parameters: Array, base: _core.Config) -> Array:
+        """Its derivatives, from runs on all processors."""
+        moved = [parameters, *(parameters + STEP * np.eye(len(parameters)))]
+        with ThreadPoolExecutor() as threads:
+            centre, *each = threads.map(lambda p: self.residuals(p, base), moved)
+        columns: Array = np.column_stack([(one - centre) / STEP for one in each])
+        return columns
+
+    def with_deviations(self, found: Any) -> Calibration:
+        """The calibration of a search's result."""
+        jacobian, count = np.asarray(found.jac, dtype=float), len(found.x)
+        innovations = len(found.fun) - (count - 7)
+        prior = np.zeros(count)
+        prior[7:] = 1.0
+        information = jacobian[:innovations].T @ jacobian[:innovations] + np.diag(prior)
+        inverse = np.linalg.pinv(information)
+        white = inverse * 2 * found.cost / max(innovations - count, 1)
+        time = self._recording.pose_time[self._counts]
+        scatter = _block_scatter(found.fun[:innovations], jacobian[:innovations], time)
+        coloured = inverse @ (scatter + np.diag(prior)) @ inverse
+        deviation = self._scale[:count] * np.sqrt(np.maximum(np.diag(white), np.diag(coloured)))
+        deviation[3:6] = np.degrees(deviation[3:6])
+        best = replace(self.calibration(found.x), deviation=deviation[:7])
+        if count == 7:
+            return best
+        gyro, force = deviation[7:16].reshape(3, 3), deviation[16:]
+        differs = (
+            abs(best.gyro_matrix - self._gyro) > TELLS * gyro,
+            abs(best.accelerometer_scale - self._force) > TELLS * force,
+        )
+        written = tuple(key for key, entries in zip(MATRICES, differs, strict=True) if entries.any())
+        return replace(best, gyro_deviation=gyro, accelerometer_deviation=force, written=written)
+
+
+def _block_scatter(residuals: Array, jacobian: Array, time: Array) -> Array:
+    """Scatter of the score between blocks of `BLOCK`, for residuals of any colour.
+
+    `jacobian` is that of scipy for the loss soft_l1: each row is scaled by its part of the Hessian.
+    """
+    z = residuals**2
+    # d = J^T r w with w = rho'; the scale of a row is the root of rho' + 2 z rho''.
+    plain = jacobian * ((1 + z) ** 0.75)[:, None]
+    score = plain * (residuals * (1 + z) ** -0.5)[:, None]
+    block = np.repeat(np.floor((time - time[0]) / BLOCK).astype(int), len(residuals) // len(time))
+    sums = np.zeros((block.max() + 1, jacobian.shape[1]))
+    np.add.at(sums, block, score)
+    count = len(np.unique(block))
+    scatter: Array = (sums.T @ sums) * count / max(count - 1, 1)
+    return scatter
+
+
+def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
+    """The rotation from the captured body to the robot that aligns its rate with the rate of the gyro."""
+    from scipy.spatial.transform import Rotation
+
+    time = recording.pose_time
+    # The rate is taken over about 50 ms, so that it is larger than the noise of the capture system.
+    step = max(1, round(0.05 / float(np.median(np.diff(time)))))
+    turned = Rotation.from_matrix(recording.rotation)
+    span = (time[step:] - time[:-step])[:, None]
+    captured = (turned[:-step].inv() * turned[step:]).as_rotvec() / span
+    integral = np.vstack(
+        [np.zeros(3), np.cumsum(np.diff(recording.imu_time)[:, None] * recording.gyro[1:], axis=0)]
+    )
+    angle = np.column_stack([np.interp(time, recording.imu_time, column) for column in integral.T])
+    gyro = (angle[step:] - angle[:-step]) / span
+    used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] < 0.2)
+    gyro_r = (gyro[used] - gyro[used].mean(axis=0)) @ config.vehicle.imu_rotation.T
+    second = float(np.sqrt(np.linalg.eigvalsh(np.cov(gyro_r.T))[1]))
+    if second < TURNS:
+        raise ValueError(
+            f"the recording does not tell how the body is mounted: about a second axis it "
+            f"turns with {second:.3f} rad/s rms; expected {TURNS} at least"
+        )
+    found, _ = Rotation.align_vectors(gyro_r, captured[used] - captured[used].mean(axis=0))
+    return found
