@@ -67,6 +67,7 @@ SYMPTOMS = (
             "set-point refused",
             "set-point infeasible",
             "excursion",
+            "tool astray",
             "external wrench",
             "operator silent",
             "pose lost",

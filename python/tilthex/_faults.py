@@ -358,5 +358,11 @@ FAULTS = (
         "note",
         "until the delay is the usual one again, the capture time of a pose is its arrival minus the usual delay",
     ),
+    Fault(
+        "tool astray",
+        "note",
+        "hold",
+        "the attitude yields or something holds the tool; the mission waits until the tool is back",
+    ),
 )
 """All faults; the number of a fault, its bit in a log, is its place."""

@@ -91,7 +91,7 @@ section! {
         battery_low: f64 = 0.0 => "V" from 0.0 to 100.0,
         /// Critical battery voltage; 0 for no limit, as for `battery_low`.
         battery_critical: f64 = 0.0 => "V" from 0.0 to 100.0,
-        /// Largest distance from the reference.
+        /// Largest distance of the centre of mass from its reference, and in the mission of the tool from its own.
         max_position_error: f64 = 0.3 => "m" from 0.01 to 10.0,
         /// Largest rotation from the reference.
         max_rotation_error_deg: f64 = 35.0 => "degrees" from 1.0 to 90.0,

@@ -295,6 +295,7 @@ impl Flight {
                 estimator: &self.estimator,
                 known: self.known.is_some(),
                 robot: &self.robot_state(),
+                tool_r: self.params.vehicle.tool().position_r,
                 output: self.output.as_ref(),
                 stopped,
                 wrong_speeds,

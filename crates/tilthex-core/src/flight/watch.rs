@@ -6,7 +6,7 @@ use crate::{
     estimator::{Estimator, Health, Status},
     so3,
     supervisor::{Fault, FaultSet, Phase, limits as l},
-    types::RobotState,
+    types::{RobotState, Vector3},
 };
 
 /// Limits; crossing one is a fault (`supervisor::TABLE` has the reactions).
@@ -16,7 +16,7 @@ pub struct WatchParams {
     pub battery_low: f64,
     /// Critical battery voltage, V.
     pub battery_critical: f64,
-    /// Largest position error, m.
+    /// Largest position error of the centre of mass, and of the tool in the mission, m.
     pub max_position_error: f64,
     /// Largest rotation error, norm of e_R.
     pub max_rotation_error: f64,
@@ -54,6 +54,8 @@ pub(super) struct Seen<'a> {
     pub(super) known: bool,
     /// Pose and twist of the robot.
     pub(super) robot: &'a RobotState,
+    /// Position of the tool, m, robot.
+    pub(super) tool_r: Vector3,
     /// The last tick's controller output.
     pub(super) output: Option<&'a ControllerOutput>,
     /// Number of motors whose measured speed is far from the model's.
@@ -211,10 +213,89 @@ impl Watch {
             let position = o.pose.position_error_w.norm() > p.max_position_error;
             let rotation = o.pose.rotation_error_r.norm() > p.max_rotation_error;
             set.insert_if(Fault::TrackingError, position || rotation);
+            // The tool has to be where set-point and admittance want it, also if the attitude yields.
+            let tool_w = state.position_w + state.rotation_wr * seen.tool_r;
+            let strays = (tool_w - o.reference.position_w).norm() > p.max_position_error;
+            let mission = matches!(seen.phase, Phase::Flying | Phase::Holding);
+            set.insert_if(Fault::ToolAstray, mission && strays);
             set.insert_if(Fault::Excursion, o.excursion_limited);
             let force = o.wrench_tool_w.force.norm() > p.max_force;
             set.insert_if(Fault::WrenchLimit, force || o.wrench_tool_w.torque.norm() > p.max_torque);
             set.insert_if(Fault::SetpointInfeasible, o.allocation.saturated);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        GRAVITY,
+        controller::{Controller, ControllerInput, ControllerParams, ControllerState},
+        estimator::EstimatorParams,
+        examples,
+        plant::Plant,
+        types::{Matrix3, Setpoint},
+    };
+
+    const PARAMS: WatchParams = WatchParams {
+        battery_low: 0.0,
+        battery_critical: 0.0,
+        max_position_error: 0.1,
+        max_rotation_error: 1.0,
+        max_tilt: 1.0,
+        max_speed: 1.0,
+        max_force: 1e3,
+        max_torque: 1e3,
+        start_timeout: 1.0,
+        motor_check: false,
+        geofence: 10.0,
+        geofence_height: 10.0,
+    };
+
+    /// Whether the tool of a vehicle is astray whose centre of mass is at its reference, but which is turned by an angle, rad.
+    fn strays(turned: f64, phase: Phase) -> bool {
+        let vehicle = examples::tilt_hex().expect("a vehicle");
+        let controller = Controller::new(vehicle, ControllerParams::default()).expect("checked");
+        let hover = Plant::new(vehicle).hover(Vector3::zeros());
+        let tool_r = vehicle.tool().position_r;
+        let input = ControllerInput {
+            state: hover.robot,
+            specific_force_r: Vector3::new(0.0, 0.0, GRAVITY),
+            rotor_speeds: hover.rotor_speeds,
+            setpoint: Setpoint::hold(tool_r, Matrix3::identity()),
+            compliant: true,
+            learn_bias: false,
+            lost_rotors: 0,
+            fixed_attitude: false,
+            unyielding: None,
+        };
+        let output = controller.step(&mut ControllerState::default(), &input, 0.002);
+        let about = Vector3::z().cross(&tool_r).normalize();
+        let robot = RobotState { rotation_wr: so3::exp(&(turned * about)), ..hover.robot };
+        let seen = Seen {
+            now: 1.0,
+            period: 0.002,
+            phase,
+            telemetry: &Telemetry::new(6),
+            estimator: &Estimator::new(EstimatorParams::default()).expect("valid"),
+            known: true,
+            robot: &robot,
+            tool_r,
+            output: Some(&output),
+            wrong_speeds: 0,
+            stopped: 0,
+            host: HostFacts::default(),
+        };
+        Watch::new(PARAMS).conditions(&seen, 0.002).contains(Fault::ToolAstray)
+    }
+
+    /// The centre of mass is at its reference, and the tool at the end of its lever is not.
+    #[test]
+    fn a_tool_that_is_not_where_it_is_told_is_astray() {
+        assert!(!strays(0.0, Phase::Flying) && !strays(0.1, Phase::Flying));
+        assert!(strays(0.5, Phase::Flying) && strays(0.5, Phase::Holding));
+        // A landing does not have to keep the tool at its place.
+        assert!(!strays(0.5, Phase::Landing));
     }
 }

@@ -82,6 +82,7 @@ pub enum Fault {
     CaptureMirrored = 53,
     CaptureLate = 54,
     CaptureClock = 55,
+    ToolAstray = 56,
 }
 
 /// A sentence with numbers in it: each `{}` of the text stands for the next number.
@@ -167,7 +168,7 @@ pub const LIFT_OFF_FAULTS: [Fault; 5] =
     [Fault::MotorOrder, Fault::CaptureAxes, Fault::CaptureMirrored, Fault::CaptureLate, Fault::LiftOff];
 
 /// Number of faults.
-pub const COUNT: usize = 56;
+pub const COUNT: usize = 57;
 
 /// All faults, in the order of [`Fault`].
 #[rustfmt::skip]
@@ -228,6 +229,7 @@ pub const TABLE: [Row; COUNT] = [
     row(Fault::CaptureMirrored, "capture mirrored", s("just after lift-off the captured body moves as the mirror image of what the IMU measures", &[]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; check that motion capture streams right-handed axes", &[l::LIFT_OFF])),
     row(Fault::CaptureLate, "capture late", s("just after lift-off the captured body moves {} ms or more later than the IMU measures", &[1e3 * l::CAPTURE_LATE]), (0.0, 1.0), (Refuse, Land), s("up to {} m above the ground its motors are stopped; above it the delay that was found is subtracted from the times of the poses; set the `[estimator] latency` that tilthex calibrate finds", &[l::LIFT_OFF])),
     row(Fault::CaptureClock, "capture clock", s("in flight, poses claim a delay that differs by more than {} ms from the usual one: they are younger, or {} in a row are older than a pose before them", &[1e3 * l::CAPTURE_CLOCK, l::POSES_BACK as f64]), (0.0, 0.5), (Note, Note), s("until the delay is the usual one again, the capture time of a pose is its arrival minus the usual delay", &[])),
+    row(Fault::ToolAstray, "tool astray", s("in the mission, the tool farther from its reference than `[supervisor] max_position_error`", &[]), (0.3, 0.5), (Note, Hold), s("the attitude yields or something holds the tool; the mission waits until the tool is back", &[])),
 ];
 
 /// A set of faults.
