@@ -156,7 +156,7 @@ impl Estimator {
             return Outcome::Weighed;
         }
         let outcome = self.contradict(pose, measured, said, missed);
-        if certain && outcome == Outcome::Rejected && since > self.params.reacquire_after {
+        if certain && outcome == Outcome::Rejected {
             self.head.trust.contradict();
         }
         outcome
