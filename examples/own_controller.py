@@ -133,5 +133,5 @@ plt.show()
 #
 # - `tilthex.Controller` is the whole chain with the true state, `tilthex.Loop` the flight with estimator
 #   and supervisor.
-# - `tilthex-rt` flies only its own laws. A controller of your own over the wire is a program that speaks
-#   the vehicle's protocol ([protocols.md](../docs/protocols.md)) with `tilthex-sim`.
+# - `tilthex.wire.fly` flies such a chain in real time against `tilthex-sim`, over the protocol of the
+#   vehicle: [your own controller over the wire](over_the_wire.py). `tilthex-rt` flies only its own laws.

@@ -21,6 +21,7 @@ mod ukf_run;
 mod units;
 mod value;
 mod vehicle;
+mod wire;
 
 use pyo3::prelude::*;
 
@@ -56,5 +57,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<ukf::Ukf>()?;
     module.add_class::<ukf_run::UkfRun>()?;
     module.add_class::<vehicle::Vehicle>()?;
+    module.add_class::<wire::PoseClient>()?;
+    module.add_class::<wire::VehicleLink>()?;
     Ok(())
 }

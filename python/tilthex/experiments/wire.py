@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import json
 import signal
-import socket
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 import tilthex
-from tilthex._programs import program
+from tilthex._programs import Program, free_port
 from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
 from tilthex.experiments.spec import LIMITS, Experiment, Run, Waypoint
@@ -28,8 +27,6 @@ TAKE_OFF = 0.6
 """Height of the first hover above the stand, m."""
 CALIBRATION = 30.0
 """Approximate duration of a calibration flight, s."""
-LANDING = 20.0
-"""Time in which a program that is interrupted in flight has to land, s."""
 PATIENCE = 40.0
 """If a flight takes longer than expected by this much, its vehicle is lost, s."""
 AROUND = 20.0
@@ -144,7 +141,7 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
     files.world.write_text(toml_text(world_table(run)), encoding="utf-8")
     for path in (files.log, files.truth):
         path.unlink(missing_ok=True)
-    mocap = f"natnet://127.0.0.1:{_free_port()}/TILTHEX"
+    mocap = f"natnet://127.0.0.1:{free_port()}/TILTHEX"
     common = ["--config", str(files.config), "--mocap", mocap]
     world = ["--world", str(files.world), "--world-truth", str(files.truth), "--seed", str(run.seed)]
     with ExitStack() as stack:
@@ -155,10 +152,7 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
         world += ["--socket", str(line)]
         simulated = Program(stack, "tilthex-sim", [*common, *world], subprocess.PIPE)
         assert simulated.process.stdout is not None
-        # The simulation prints the name of its pseudo-terminal when it is ready.
-        if not simulated.process.stdout.readline().strip():
-            simulated.process.wait()
-            raise OSError(simulated.sentence())
+        simulated.ready()
         summary = stack.enter_context(files.summary.open("w", encoding="utf-8"))
         start = ["--take-off", "--no-battery-limits", "--trajectory", str(files.trajectory)]
         link = ["--port", f"unix:{line}", "--baud", "0", "--log", str(files.log), *start]
@@ -173,49 +167,6 @@ def fly(run: Run, files: Files, *, progress: Callable[[float], object] | None = 
         if simulated.process.wait() != 0:
             raise OSError(simulated.sentence())
         return [lag, *controller.warnings()]
-
-
-class Program:
-    """One of the Rust programs. When the stack that it was entered into ends, it lands and ends."""
-
-    def __init__(self, stack: ExitStack, name: str, arguments: Sequence[str], output: int | IO[str]) -> None:
-        self._name = name
-        errors = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - the stack closes it
-        self._errors = stack.enter_context(errors)
-        # In its own session: an interrupt reaches only this program, which ends the other two in
-        # order.
-        self.process = subprocess.Popen(
-            [program(name), *arguments],
-            stdout=output,
-            stderr=self._errors,
-            text=True,
-            start_new_session=True,
-        )
-        stack.callback(self._end)
-
-    def sentence(self) -> str:
-        """The sentence with which the program failed."""
-        lines = [line for line in self._lines() if "warning:" not in line]
-        return lines[-1] if lines else f"{self._name} ended without a message ({self.process.returncode})"
-
-    def warnings(self) -> list[str]:
-        """The warnings of the program."""
-        return [line for line in self._lines() if "warning:" in line]
-
-    def _lines(self) -> list[str]:
-        self._errors.seek(0)
-        return [line.strip() for line in self._errors if line.strip()]
-
-    def _end(self) -> None:
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
-            try:
-                self.process.wait(LANDING)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-        if self.process.stdout is not None:
-            self.process.stdout.close()
 
 
 def expected(run: Run) -> float:
@@ -254,12 +205,6 @@ def world_table(run: Run) -> dict[str, Any]:
         "judge": run.judge,
         "run": [{"name": run.name}],
     }
-
-
-def _free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as line:
-        line.bind(("127.0.0.1", 0))
-        return int(line.getsockname()[1])
 
 
 def _watch(
