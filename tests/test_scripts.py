@@ -162,6 +162,19 @@ def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
     assert completed("tilthex", "new", "") == {"vehicle", "experiment"}
 
 
+def test_the_doctor_as_json_has_every_check(capfd):
+    with pytest.raises(SystemExit) as end:
+        command.main(["doctor", "--json", "--realtime", "off", "--port", "/dev/no-such-port"])
+    assert end.value.code == 2
+    said, complaint = capfd.readouterr()
+    found = json.loads(said)
+    assert found["passed"] is False and "checks failed" in complaint
+    by_name = {check["name"]: check for check in found["checks"]}
+    assert {"kernel", "clock", "wake-up"} < by_name.keys()
+    assert by_name["port"]["verdict"] == "fail" and "does not exist" in by_name["port"]["text"]
+    assert {check["verdict"] for check in found["checks"]} <= {"ok", "fair", "fail"}
+
+
 def test_the_doctor_is_that_of_the_program(monkeypatch, tmp_path, capfd):
     program = tmp_path / "tilthex-rt"
     program.write_text('#!/bin/sh\necho "$@"\nexit 3\n')

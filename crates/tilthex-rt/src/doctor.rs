@@ -58,15 +58,33 @@ pub struct Check {
     pub text: String,
 }
 
+impl Verdict {
+    /// The word for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Good => "ok",
+            Self::Fair => "fair",
+            Self::Bad => "FAIL",
+        }
+    }
+}
+
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mark = match self.verdict {
-            Verdict::Good => "ok",
-            Verdict::Fair => "fair",
-            Verdict::Bad => "FAIL",
-        };
-        write!(f, "{mark:5} {:12} {}", self.name, self.text)
+        write!(f, "{:5} {:12} {}", self.verdict.name(), self.name, self.text)
     }
+}
+
+/// The checks as JSON: `passed`, and `checks`, each with `name`, `verdict` (ok, fair, fail) and `text`.
+#[must_use]
+pub fn json(checks: &[Check]) -> serde_json::Value {
+    let each = checks.iter().map(|check| {
+        let verdict = check.verdict.name().to_ascii_lowercase();
+        serde_json::json!({ "name": check.name, "verdict": verdict, "text": check.text })
+    });
+    let passed = checks.iter().all(|check| check.verdict != Verdict::Bad);
+    serde_json::json!({ "passed": passed, "checks": each.collect::<Vec<_>>() })
 }
 
 fn check(name: &'static str, verdict: Verdict, text: impl Into<String>) -> Check {
@@ -277,6 +295,10 @@ mod tests {
         assert!(checks.iter().all(|c| !c.text.is_empty()));
         assert_eq!(checks[6].verdict, Verdict::Bad);
         assert!(checks[6].text.contains("does not exist"));
+        let said = json(&checks);
+        assert_eq!(said["passed"], false);
+        let one = serde_json::json!({ "name": "port", "verdict": "fail", "text": checks[6].text });
+        assert_eq!(said["checks"].as_array().map(|all| (all.len(), &all[6])), Some((7, &one)));
     }
 
     #[test]

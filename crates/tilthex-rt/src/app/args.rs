@@ -126,7 +126,13 @@ pub(super) struct Setup {
 #[derive(Clone, Debug, Subcommand)]
 pub(super) enum Action {
     /// Check this computer before a flight, and say what to correct
-    Doctor(Setup),
+    Doctor {
+        #[command(flatten)]
+        setup: Setup,
+        /// Print the result as one JSON object, for scripts
+        #[arg(long)]
+        json: bool,
+    },
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit
     Replay {
         /// The log

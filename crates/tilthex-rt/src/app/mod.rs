@@ -24,11 +24,15 @@ pub fn run() -> Result<(), Failure> {
     match &args.action {
         None if args.print_config => output::print(&args.config()?.to_toml()),
         None => fly::fly(&args),
-        Some(Action::Doctor(setup)) => {
+        Some(Action::Doctor { setup, json }) => {
             let port = setup.uri()?.map(|uri| uri.name);
             let checks = doctor::examine(&setup.config(None)?, port.as_deref(), setup.realtime);
-            let text: Vec<_> = checks.iter().map(|check| format!("{check}\n")).collect();
-            output::print(&text.concat())?;
+            if *json {
+                output::print(&format!("{:#}\n", doctor::json(&checks)))?;
+            } else {
+                let text: Vec<_> = checks.iter().map(|check| format!("{check}\n")).collect();
+                output::print(&text.concat())?;
+            }
             let bad = checks.iter().filter(|check| check.verdict == Verdict::Bad).count();
             match bad {
                 0 => Ok(()),
