@@ -17,6 +17,7 @@ help:
 	@echo "make demo      fly the simulated Tilt-Hex, push its tool, print a summary"
 	@echo "make test      everything: lints, Rust and Python tests, stubs"
 	@echo "make browser-test  tilthex view in a headless Chromium"
+	@echo "make commands-test  every command of README and docs, also those that take long"
 	@echo "make cluster-test  campaigns on several workers, some of which are killed"
 	@echo "make bench     speed, as ratios against NumPy in the same run"
 	@echo "make bench-rt  the loop's timing on this machine"
@@ -106,6 +107,11 @@ python-test: install
 .PHONY: browser-test
 browser-test: install
 	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py -rs
+
+# The commands of the pages that take long: experiments, films, flights in real time.
+.PHONY: commands-test
+commands-test: install
+	TILTHEX_COMMANDS=1 python -m pytest tests/test_commands.py --reruns 2 --only-rerun '$(STALLED)' -rR --durations=0
 
 # Campaigns on workers of Dask and jobs of submitit, some of which are killed.
 .PHONY: cluster-test
