@@ -147,9 +147,11 @@ def to_mjcf(
     ET.SubElement(visual, "map", znear="0.002")
     body = ET.SubElement(model, "worldbody")
     ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")
-    body.extend(world)
     turned = np.eye(3) if rotation is None else rotation
-    body.append(robot_body(vehicle, position, turned, tool_length, feet, rod))
+    robot = robot_body(vehicle, position, turned, tool_length, feet, rod)
+    # The robot's coordinates are the first of the model, also if a body of the world has joints.
+    jointed = any(part.tag in ("joint", "freejoint") for element in world for part in element.iter())
+    body.extend([robot, *world] if jointed else [*world, robot])
     actuators = ET.SubElement(model, "actuator")
     limits = vehicle.rotor_speed_limits
     inputs = limits * np.abs(limits)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import importlib
-import importlib.util
 from pathlib import Path
 from types import ModuleType
 
+from tilthex.experiments import own_scene
 from tilthex.experiments.judge import Figures, Flights, Judge
 from tilthex.experiments.record import Check, Record
 from tilthex.experiments.report import overview
@@ -28,7 +28,7 @@ def judge_of(experiment: Experiment) -> Judge:
     name = experiment.kind.replace("-", "_")
     beside = experiment.folder / f"{name}.py"
     if experiment.folder != HERE and beside.is_file():
-        return _judge(_from_file(name, beside), str(beside))
+        return _judge(own_scene.module(beside), str(beside))
     if experiment.kind in built_in():
         return _judge(importlib.import_module(f"tilthex.experiments.{name}"), experiment.kind)
     if experiment.kind_is_named:
@@ -44,15 +44,6 @@ def _judge(module: ModuleType, where: str) -> Judge:
     if not isinstance(judge, Judge):
         raise ValueError(f"{where}: JUDGE is {judge!r}; expected a tilthex.experiments.judge.Judge")
     return judge
-
-
-def _from_file(name: str, path: Path) -> ModuleType:
-    found = importlib.util.spec_from_file_location(name, path)
-    if found is None or found.loader is None:
-        raise ValueError(f"{path}: cannot be imported; expected a Python module")
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
-    return module
 
 
 def _no_checks(run: Run, record: Record) -> list[Check]:

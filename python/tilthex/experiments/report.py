@@ -41,8 +41,10 @@ def overview(record: Record) -> Any:
     """The eight panels of the paper's figures 8 and 12."""
     figure, grid = plt.subplots(4, 2, figsize=(13, 13), sharex=True, layout="constrained")
     t, every = record.time, slice(None, None, 5)
+    # The angles of the robot: those of a tool that points forward would jump.
+    mounted = record.tool_rotation[0].T @ record.robot_rotation[0]
     desired, reference, actual = (
-        Rotation.from_matrix(m[every]).as_euler("xyz", degrees=True)
+        Rotation.from_matrix(m[every] @ mounted).as_euler("xyz", degrees=True)
         for m in (record.setpoint_rotation, record.reference_rotation, record.tool_rotation)
     )
     for i, (name, colour) in enumerate(zip(AXES, COLOURS, strict=True)):
@@ -66,7 +68,7 @@ def overview(record: Record) -> Any:
         grid[3, 0].plot(t, off[:, i], color=colour)
         grid[3, 1].plot(t[every], (reference - desired)[:, i], color=colour)
     labels = (
-        ("tool position (m): desired :, reference --, actual -", "tool roll, pitch, yaw (deg)"),
+        ("tool position (m): desired :, reference --, actual -", "roll, pitch, yaw of the robot (deg)"),
         ("position error (mm)", "orientation error (deg)"),
         ("tool force (N): estimated, true pale", "tool torque (N m): estimated, true pale"),
         ("reference - desired (m)", "reference - desired (deg)"),

@@ -43,7 +43,7 @@ class Scene:
 
 def free_air() -> Scene:
     """A floor that is only visible."""
-    return Scene((_floor(),))
+    return Scene((floor(),))
 
 
 def plane(*, point: list[float], tilt_deg: list[float], friction: float = 0.2, size: float = 0.6) -> Scene:
@@ -52,7 +52,7 @@ def plane(*, point: list[float], tilt_deg: list[float], friction: float = 0.2, s
     board = ET.Element("body", name="board", pos=numbers(point), quat=quaternion(rotation))
     contact_geom(board, friction, type="box", size=f"{size} {size} 0.02", pos="0 0 -0.02", rgba=WOOD)
     at = np.array(point)
-    return Scene((_floor(), board), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), board), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def funnel(
     end = numbers((0.0, 0.0, -size.depth - 0.005))
     contact_geom(body, friction, type="cylinder", pos=end, size=f"{tube + wall} 0.005", rgba=METAL)
     at = np.array(entrance)
-    return Scene((_floor(), body), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), body), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
 
 
 def plate_with_ledges(
@@ -142,7 +142,7 @@ def plate_with_ledges(
             size=numbers((*half, tall)),
             rgba=METAL,
         )
-    return Scene((_floor(), plate), origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), plate), origin=at, look_at=(at[0], at[1], at[2]))
 
 
 def clamp(*, stiffness_time: float = 0.004) -> Scene:
@@ -156,7 +156,7 @@ def clamp(*, stiffness_time: float = 0.004) -> Scene:
         solref=f"{stiffness_time!r} 1",
         solimp="0.95 0.99 0.0001",
     )
-    return Scene((_floor(),), extra=(equality,))
+    return Scene((floor(),), extra=(equality,))
 
 
 SCENES: dict[str, Callable[..., Scene]] = {
@@ -168,7 +168,7 @@ SCENES: dict[str, Callable[..., Scene]] = {
 }
 
 
-def _floor() -> ET.Element:
+def floor() -> ET.Element:
     """A visible floor below everything, without contact."""
     look = {"contype": "0", "conaffinity": "0", "rgba": "0.9 0.9 0.88 1"}
     return ET.Element("geom", look, name="floor", type="plane", size="2 2 0.1")

@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 import tilthex
 from tilthex._toml import tomllib
-from tilthex.experiments import ranges
+from tilthex.experiments import own_scene, ranges
 from tilthex.experiments.scenes import SCENES, Scene
 from tilthex.experiments.world import Noise
 
@@ -125,8 +125,11 @@ class Run:
         """Builds the world."""
         options = dict(self.world)
         name = options.pop("scene", None)
+        if isinstance(name, str) and name.endswith(own_scene.ENDINGS):
+            return own_scene.load(Path(name), options)
         if name not in SCENES:
-            raise ValueError(f"world.scene is {name!r}; expected one of {', '.join(sorted(SCENES))}")
+            known = ", ".join(sorted(SCENES))
+            raise ValueError(f"world.scene is {name!r}; expected one of {known}, or a file .xml or .py")
         try:
             return SCENES[name](**options)
         except TypeError as error:
@@ -224,6 +227,9 @@ def _merge_layer(base: Table, layer: Mapping[str, Any], folder: Path) -> Table:
             layer["truth"] = _place(truth, folder)
         elif isinstance(base.get("truth"), str):
             base = base | {"truth": {"level": base["truth"]}}
+    world = layer.get("world", {})
+    if isinstance(world.get("scene"), str):
+        layer["world"] = world | {"scene": _place(world["scene"], folder, own_scene.ENDINGS)}
     return merge(base, layer)
 
 
@@ -239,9 +245,9 @@ def _vehicle_keys(vehicle: Any, folder: Path) -> Table:
     return keys
 
 
-def _place(name: str, folder: Path) -> str:
-    """The full path of a TOML file that a file in `folder` names; other names unchanged."""
-    return str((folder / name).resolve()) if name.endswith(".toml") else name
+def _place(name: str, folder: Path, endings: tuple[str, ...] = (".toml",)) -> str:
+    """The full path of a file that a file in `folder` names, by its ending; other names unchanged."""
+    return str((folder / name).resolve()) if name.endswith(endings) else name
 
 
 def _run(kind: str, table: Table) -> Run:

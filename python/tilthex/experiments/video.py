@@ -28,7 +28,7 @@ def render(run: Run, record: Record, path: Path, *, size: tuple[int, int] = (480
     """
     vehicle = run.drawn().vehicle
     scene = run.scene()
-    model = mujoco.MjModel.from_xml_string(to_mjcf(vehicle, scene.elements))
+    model = mujoco.MjModel.from_xml_string(to_mjcf(vehicle, scene.elements, extra=scene.extra))
     data = mujoco.MjData(model)
     seen = camera(np.add(scene.look_at, (0.0, 0.0, 0.15)), 1.4)
     pictures = []

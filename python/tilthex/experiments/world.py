@@ -106,7 +106,10 @@ class World:
             rotation=self.rotation,
             rod=Rod(stiffness, length) if stiffness > 0.0 else None,
         )
-        self.model = mujoco.MjModel.from_xml_string(xml)
+        try:
+            self.model = mujoco.MjModel.from_xml_string(xml)
+        except ValueError as error:
+            raise ValueError(f"MuJoCo refuses the scene: {' '.join(str(error).split())}") from error
         self.data = mujoco.MjData(self.model)
         self.vehicle = vehicle
         self.noise = noise if drawn is None else replace(noise, **drawn.noise)

@@ -1,0 +1,93 @@
+"""A scene of one's own, as an MJCF file or a Python module: what it puts into the world; what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
+
+from test_experiments_world import world_at
+from tilthex.experiments import own_scene, spec
+from tilthex.experiments.scenes import Scene
+
+BUTTON = """
+<mujoco>
+  <worldbody>
+    <body name="button" pos="0.12 0 0.49">
+      <joint name="button" type="slide" axis="0 0 -1" stiffness="1000" damping="20"/>
+      <geom name="top" type="box" size="0.05 0.05 0.01" mass="0.05" friction="0.3 0 0"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+WAY = '[[trajectory.waypoint]]\nphase = "stay"\nposition = [0.0, 0.0, 1.0]\n'
+
+
+def written(folder: Path, scene: str, text: str, keys: str = "") -> spec.Run:
+    (folder / scene).write_text(text)
+    (folder / "mine.toml").write_text(f'[world]\nscene = "{scene}"\n{keys}\n{WAY}')
+    return spec.load(str(folder / "mine.toml")).runs[0]
+
+
+def test_a_tip_presses_a_button_until_its_spring_bears_the_missing_lift(tmp_path: Path) -> None:
+    world = world_at(written(tmp_path, "button.xml", BUTTON).scene(), [0.12, 0.0, 0.5035])
+    vehicle, data = world.vehicle, world.data
+    # The coordinates of the robot are the first ones, also beside a joint of the scene.
+    np.testing.assert_allclose(world.position, [0.12, 0.0, 0.5035] - vehicle.tool_position, atol=1e-12)
+    lacking = np.array([0.0, 0.0, 5.0])
+    body = np.r_[0.0, 0.0, vehicle.mass * 9.81 - 5.0, -np.cross(vehicle.tool_position, lacking)]
+    speeds = np.sqrt(np.linalg.solve(vehicle.allocation, body))
+    for _ in range(300):
+        data.qvel[:6] *= 0.97
+        world.step(speeds)
+    wrench, _, _ = world.contact_wrench()
+    assert wrench[2] == pytest.approx(5.0, abs=0.5)
+    travel = float(data.joint("button").qpos[0])
+    assert 1000.0 * travel == pytest.approx(wrench[2] + 0.05 * 9.81, rel=0.05)
+
+
+def test_a_scene_of_a_module_gets_the_keys_of_the_world(tmp_path: Path) -> None:
+    module = f"def scene(size):\n    return {BUTTON!r}.replace('0.05 0.05', f'{{size}} {{size}}')\n"
+    run = written(tmp_path, "button.py", module, "size = 0.07\nlook_at = [1.0, 2.0, 3.0]")
+    scene = run.scene()
+    (_, button) = scene.elements
+    geom = button.find("geom")
+    assert geom is not None and geom.get("size") == "0.07 0.07 0.01" and geom.get("solref") == "0.004 1"
+    assert scene.look_at == (1.0, 2.0, 3.0)
+    own = "from tilthex.experiments.scenes import free_air as scene\n"
+    assert isinstance(written(tmp_path, "air.py", own).scene(), Scene)
+    # An experiment may be flown from another folder than its own.
+    assert Path(run.world["scene"]) == tmp_path / "button.py"
+
+
+def test_files_that_a_scene_names_are_in_its_folder(tmp_path: Path) -> None:
+    mesh = '<mujoco><asset><mesh name="m" file="wall.obj" solref="1"/></asset><worldbody/></mujoco>'
+    scene = written(tmp_path, "wall.xml", mesh).scene()
+    assert scene.extra[0][0].get("file") == str(tmp_path / "wall.obj")
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "keys", "says"),
+    [
+        ("a.xml", "<mujoco", "", "a.xml is not XML: unclosed token"),
+        ("a.xml", "<robot/>", "", "a.xml holds <robot>; expected the model <mujoco>"),
+        ("a.xml", "<mujoco><option/><sensor/></mujoco>", "", "a.xml has <option>, <sensor>; expected only"),
+        ("a.xml", BUTTON, "size = 1.0", "has the keys size; expected only `look_at` beside"),
+        ("a.py", "scene = 3\n", "", "a.py has no function `scene`"),
+        ("a.xml", BUTTON.replace("slide", "slip"), "", "MuJoCo refuses the scene: XML Error"),
+        ("a.txt", BUTTON, "", "expected one of clamp, free, funnel, plane, plate-with-ledges, or a file"),
+    ],
+)
+def test_what_is_no_scene_is_refused_in_one_sentence(tmp_path, name, text, keys, says):
+    run = written(tmp_path, name, text, keys)
+    with pytest.raises(ValueError, match=r".+") as refused:
+        world_at(run.scene(), [0.0, 0.0, 1.0])
+    assert says in str(refused.value) and "\n" not in str(refused.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match=r"gone\.xml'; expected a file that exists"):
+        own_scene.load(tmp_path / "gone.xml", {})
