@@ -95,7 +95,7 @@ def test_anything_is_said_as_json(value):
     assert back["b"] == [1.0, None]
 
 
-@pytest.mark.parametrize("answers", ["", "mine\n4.5\n0.02\n\n0.03\n0.1\n0\n-0.2\n0.5\n0.3\n"])
+@pytest.mark.parametrize("answers", ["", "mine\n4.5\n0.02\n\n0.03\n0.1\n0\n-0.2\n0.5\nup\n0.3\n"])
 def test_a_new_vehicle_is_read_and_every_key_has_a_comment(answers, monkeypatch, tmp_path, capsys):
     path = tmp_path / "own.toml"
     monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
@@ -104,6 +104,8 @@ def test_a_new_vehicle_is_read_and_every_key_has_a_comment(answers, monkeypatch,
     if answers:
         assert (vehicle.name, vehicle.mass, vehicle.rotor_time_constant) == ("mine", 4.5, 0.1)
         assert vehicle.tool_position.tolist() == [0.0, -0.2, 0.5] and vehicle.inertia[0, 0] == 0.02
+        # The rod goes down to the vehicle.
+        np.testing.assert_allclose(vehicle.tool_rotation[:, 2], [0.0, 0.0, -1.0], atol=1e-12)
     else:
         assert vehicle.name == "own"
     text = path.read_text()
@@ -129,8 +131,26 @@ def test_a_new_experiment_is_read(answers, monkeypatch, tmp_path):
         assert found.title == 'A "title"' and run.seed == 9 and run.world["tilt_deg"] == [5, 0]
 
 
+def test_a_new_experiment_hovers_level_with_a_tool_that_points_forward(monkeypatch, tmp_path):
+    pytest.importorskip("mujoco")
+    from tilthex.experiments import spec
+
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\n" * 9 + "forward\n"))
+    assert command.main(["new", "vehicle", str(tmp_path / "mine.toml")]) == 0
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\nmine.toml\n"))
+    assert command.main(["new", "experiment", str(tmp_path / "own.toml")]) == 0
+    (run,) = spec.load(str(tmp_path / "own.toml")).runs
+    for point in run.waypoints:
+        np.testing.assert_allclose(point.rotation, run.model().tool_rotation, atol=1e-12)
+    np.testing.assert_allclose(run.model().tool_rotation[:, 2], [-1.0, 0.0, 0.0], atol=1e-12)
+
+
 def test_an_answer_that_does_not_fit_is_refused(monkeypatch, tmp_path, capsys):
-    for answers, sentence in (("x\nheavy\n", "is 'heavy'; expected a number"), ("x\n-1\n", "mass is -1")):
+    for answers, sentence in (
+        ("x\nheavy\n", "is 'heavy'; expected a number"),
+        ("x\n-1\n", "mass is -1"),
+        ("x\n" + "\n" * 8 + "aside\n", "where the tool points is 'aside'; expected one of down, forward, up"),
+    ):
         monkeypatch.setattr(sys, "stdin", io.StringIO(answers))
         assert command.main(["new", "vehicle", str(tmp_path / "own.toml")]) == 2
         assert sentence in capsys.readouterr().err.splitlines()[-1]

@@ -5,14 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from tilthex import Vehicle
+from tilthex._toml import tomllib
 
 SCENES = ("free", "plane")
 """The scenes that need no more than an experiment's questions."""
+TOOLS = {"down": [0.0, 0.0, 0.0], "forward": [0.0, -90.0, 0.0], "up": [180.0, 0.0, 0.0]}
+"""Where a tool points from the vehicle, and its `tool_rotation_deg`: z points back along the rod."""
 
 
 def add_parser(commands: Any) -> None:
@@ -39,7 +42,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"{path} does not end in .toml; expected a name such as mine.toml")
     if path.exists():
         raise ValueError(f"{path} exists; expected a new file, so that nothing is lost")
-    text = KINDS[arguments.kind](path.stem)
+    text = KINDS[arguments.kind](path)
     path.write_text(text, encoding="utf-8")
     print(f"written: {path}")
 
@@ -67,9 +70,21 @@ def number(question: str, default: float) -> float:
             print(sentence, file=sys.stderr)
 
 
-def vehicle(stem: str) -> str:
+def choice(question: str, known: Sequence[str], default: str) -> str:
+    """The same for one of several words.
+
+    Raises:
+        ValueError: The answer is none of them.
+    """
+    answer = ask(f"{question}: {', '.join(known[:-1])} or {known[-1]}", default)
+    if answer not in known:
+        raise ValueError(f"{question} is {answer!r}; expected one of {', '.join(known)}")
+    return answer
+
+
+def vehicle(path: Path) -> str:
     """The file of a vehicle: a hexarotor with tilted rotors."""
-    base = Vehicle.preset("tilt-hex")
+    stem, base = path.stem, Vehicle.preset("tilt-hex")
     keys: dict[str, Any] = {
         "name": ask("name", stem),
         "mass": number("mass of the vehicle with its tool, kg", base.mass),
@@ -82,6 +97,7 @@ def vehicle(stem: str) -> str:
             number(f"{axis} of the tool tip from the centre of mass, m", float(base.tool_position[k]))
             for k, axis in enumerate("xyz")
         ],
+        "tool_rotation_deg": TOOLS[choice("where the tool points", tuple(TOOLS), "down")],
     }
     low, high = base.rotor_speed_limits[0].tolist()
     first = base.rotors[0]
@@ -103,13 +119,14 @@ def vehicle(stem: str) -> str:
     )
 
 
-def experiment(stem: str) -> str:
+def experiment(path: Path) -> str:
     """The file of an experiment: a hover, or a press on a board."""
+    stem = path.stem
     title = ask("title", stem)
     flown = ask("vehicle: a preset or a TOML file", "tilt-hex")
-    scene = ask(f"scene: {' or '.join(SCENES)}", "plane")
-    if scene not in SCENES:
-        raise ValueError(f"scene is {scene!r}; expected one of {', '.join(SCENES)}")
+    named = Vehicle.named(str(path.parent / flown) if flown.endswith(".toml") else flown)
+    turned = tomllib.loads(named.to_toml())["vehicle"]["tool_rotation_deg"]
+    scene = choice("scene", SCENES, "plane")
     world, tip = 'scene = "free"  # only a visible floor', 1.0
     if scene == "plane":
         tilt = number("tilt of the board about x, degrees", 0.0)
@@ -117,7 +134,7 @@ def experiment(stem: str) -> str:
         depth = number("how far below the board the tool is sent, m", 0.05)
         tip = 0.46 - depth
         world = (
-            'scene = "plane"  # a board; the scenes are in docs/experiments.md\n'
+            'scene = "plane"  # a board; other scenes, and one of your own: docs/howto/experiment.md\n'
             "point = [0.0, 0.0, 0.457]  # m; the tip of 3 mm radius first touches at 0.46 m\n"
             f"tilt_deg = [{tilt:g}, 0.0]  # about x, then about y\n"
             f"friction = {friction:g}"
@@ -148,6 +165,7 @@ stiffness = [10.0, 10.0, 10.0, 10.0, 10.0, 5.0]  # N/m and N m/rad
 [[trajectory.waypoint]]
 phase = "approach"
 position = [0.0, 0.0, {0.6 if scene == "plane" else 1.0}]
+rpy_deg = {turned}  # of the tool; as it is mounted, so that the vehicle hovers level
 hold = 2.0
 
 [[trajectory.waypoint]]
@@ -162,5 +180,5 @@ name = "as it is"
 """
 
 
-KINDS: dict[str, Callable[[str], str]] = {"vehicle": vehicle, "experiment": experiment}
+KINDS: dict[str, Callable[[Path], str]] = {"vehicle": vehicle, "experiment": experiment}
 """What can be written, and the function that asks for it."""

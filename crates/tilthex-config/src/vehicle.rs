@@ -39,7 +39,7 @@ section! {
         rotor_time_constant: f64 = 0.0 => "s" from 0.0 to 1.0,
         /// Tool tip from the centre of mass, robot frame.
         tool_position: Axes<3> = Axes([0.0; 3]) => "m",
-        /// Tool frame in the robot frame: roll, pitch, yaw (Rz(yaw) Ry(pitch) Rx(roll)).
+        /// Tool frame in the robot frame: roll, pitch, yaw (Rz(yaw) Ry(pitch) Rx(roll)); z points from the tip along the rod.
         tool_rotation_deg: Axes<3> = Axes([0.0; 3]) => "degrees",
         /// IMU from the centre of mass, robot frame.
         imu_position: Axes<3> = Axes([0.0; 3]) => "m",
