@@ -143,7 +143,8 @@ RULES = [
     Rule(r"tilthex-rt --sim --take-off --truth .*", slow=True, until=r"flying", status=LANDED),
     Rule(r"tilthex-rt --sim --take-off --duration .*", slow=True),
     Rule(r"tilthex (video|manoeuvres) .*", slow=True),
-    Rule(r"tilthex fit a\.mcap .*", slow=True),
+    # One flight stands for both.
+    Rule(r"tilthex fit a\.mcap .*", slow=True, replace=((r"b\.mcap", "a.mcap"),)),
     Rule(r"tilthex experiment (?!mine\.toml --out).*", slow=True),
 ]
 

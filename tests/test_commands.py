@@ -52,7 +52,9 @@ class Reader:
     """Someone who types the commands of a page."""
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self.folder, self._stack, self._places = folder, stack, {}
+        self.folder, self._stack = folder, stack
+        self._places: dict[str, str] = {}
+        self._typed = 0
         path = f"{BINARIES}{os.pathsep}{os.environ['PATH']}"
         self._environment = os.environ | {"PATH": path, "MPLBACKEND": "svg", "BROWSER": "true"}
 
@@ -62,7 +64,9 @@ class Reader:
             command = re.sub(pattern, instead, command, count=1)
         if "{port}" in command:
             command = command.format(**self._at_a_vehicle())
-        output = self._stack.enter_context((self.folder / "printed.txt").open("w+", encoding="utf-8"))
+        self._typed += 1
+        place = self.folder / f"printed-{self._typed}.txt"
+        output = self._stack.enter_context(place.open("w", encoding="utf-8"))
         process = subprocess.Popen(
             ["bash", "-c", command],
             cwd=self.folder,
@@ -79,7 +83,7 @@ class Reader:
         process.stdin.close()
 
         def printed() -> str:
-            return Path(output.name).read_text(encoding="utf-8")
+            return place.read_text(encoding="utf-8")
 
         def ends() -> None:
             try:
