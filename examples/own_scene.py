@@ -29,7 +29,7 @@ from tilthex.experiments.report import text_table
 # Its tool points forward: the tip is in front of the rotors, and z of the tool points back along the rod.
 
 # %%
-Path("forward.toml").write_text("""
+VEHICLE = """
 [vehicle]
 name = "forward-hexarotor"
 mass = 3.1
@@ -46,7 +46,7 @@ thrust_coefficient = 1.6e-3
 drag_coefficient = 3.2e-5
 min_speed = 16.0
 max_speed = 100.0
-""")
+"""
 
 # %% [markdown]
 # ## The scene
@@ -55,7 +55,7 @@ max_speed = 100.0
 # spring.
 
 # %%
-Path("wall.xml").write_text("""
+WALL = """
 <mujoco>
   <worldbody>
     <geom type="box" size="0.02 0.5 0.5" pos="1.02 0 1" rgba="0.8 0.8 0.78 1"/>
@@ -66,7 +66,7 @@ Path("wall.xml").write_text("""
     </body>
   </worldbody>
 </mujoco>
-""")
+"""
 
 # %% [markdown]
 # ## The experiment
@@ -75,7 +75,7 @@ Path("wall.xml").write_text("""
 # The path ends behind the button, so that the spring of the admittance presses it.
 
 # %%
-Path("button.toml").write_text("""
+EXPERIMENT = """
 title = "Pressing a button"
 about = "The path ends behind the button; the spring of the admittance decides how hard the tool presses."
 vehicle = "forward.toml"
@@ -104,7 +104,7 @@ hold = 2.0
 phase = "release"
 position = [0.9, 0.0, 1.0]
 duration = 4.0
-""")
+"""
 
 # %% [markdown]
 # ## The checks
@@ -112,7 +112,7 @@ duration = 4.0
 # A module with the name of the file, in which `-` is `_`, judges the flight.
 
 # %%
-Path("button.py").write_text('''
+CHECKS = '''
 from tilthex.experiments.judge import Judge
 from tilthex.experiments.record import Check, below
 from tilthex.experiments.report import overview
@@ -137,7 +137,7 @@ def figures(flights):
 
 
 JUDGE = Judge(checks, figures)
-''')
+'''
 
 # %% [markdown]
 # ## The flight
@@ -145,6 +145,9 @@ JUDGE = Judge(checks, figures)
 # `tilthex experiment button.toml --out out` flies it and writes a report. The same in Python:
 
 # %%
+files = {"forward.toml": VEHICLE, "wall.xml": WALL, "button.toml": EXPERIMENT, "button.py": CHECKS}
+for name, text in files.items():
+    Path(name).write_text(text)
 experiment = spec.load("button.toml")
 (run,) = experiment.runs
 record = fly(run)
