@@ -137,9 +137,11 @@ def test_a_new_experiment_hovers_level_with_a_tool_that_points_forward(monkeypat
 
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n" * 9 + "forward\n"))
     assert command.main(["new", "vehicle", str(tmp_path / "mine.toml")]) == 0
-    monkeypatch.setattr(sys, "stdin", io.StringIO("\nmine.toml\n"))
+    (tmp_path / "wall.xml").write_text("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")
+    monkeypatch.setattr(sys, "stdin", io.StringIO("\nmine.toml\nwall.xml\n"))
     assert command.main(["new", "experiment", str(tmp_path / "own.toml")]) == 0
     (run,) = spec.load(str(tmp_path / "own.toml")).runs
+    assert [element.tag for element in run.scene().elements] == ["geom", "geom"]
     for point in run.waypoints:
         np.testing.assert_allclose(point.rotation, run.model().tool_rotation, atol=1e-12)
     np.testing.assert_allclose(run.model().tool_rotation[:, 2], [-1.0, 0.0, 0.0], atol=1e-12)

@@ -126,8 +126,12 @@ def experiment(path: Path) -> str:
     flown = ask("vehicle: a preset or a TOML file", "tilt-hex")
     named = Vehicle.named(str(path.parent / flown) if flown.endswith(".toml") else flown)
     turned = tomllib.loads(named.to_toml())["vehicle"]["tool_rotation_deg"]
-    scene = choice("scene", SCENES, "plane")
+    scene = ask(f"scene: {', '.join(SCENES)}, or a file of your own (.xml, .py)", "plane")
+    if scene not in SCENES and not scene.endswith((".xml", ".py")):
+        raise ValueError(f"scene is {scene!r}; expected {', '.join(SCENES)}, or a file .xml or .py")
     world, tip = 'scene = "free"  # only a visible floor', 1.0
+    if scene not in SCENES:
+        world = f"scene = {json.dumps(scene)}  # in the folder of this file: docs/howto/experiment.md"
     if scene == "plane":
         tilt = number("tilt of the board about x, degrees", 0.0)
         friction = number("friction of the board", 0.2)
@@ -169,7 +173,7 @@ rpy_deg = {turned}  # of the tool; as it is mounted, so that the vehicle hovers 
 hold = 2.0
 
 [[trajectory.waypoint]]
-phase = "{"contact" if scene == "plane" else "hover"}"
+phase = "{"hover" if scene == "free" else "contact"}"
 position = [0.0, 0.0, {tip:g}]
 duration = 5.0
 hold = {hold:g}
