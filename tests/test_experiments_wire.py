@@ -18,6 +18,7 @@ pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install '
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
+from tilthex._programs import program
 from tilthex.experiments import spec, wire, wire_record
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.plan import trajectory_of
@@ -147,7 +148,7 @@ def test_the_vehicle_stands_beside_the_scene_and_lifts_off() -> None:
     ],
 )
 def test_no_such_world_is_said_in_one_sentence(arguments: list[str], said: str) -> None:
-    call = [wire.program("tilthex-sim"), *arguments]
+    call = [program("tilthex-sim"), *arguments]
     done = subprocess.run(call, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == 2
     assert len(done.stderr.splitlines()) == 1
@@ -155,7 +156,7 @@ def test_no_such_world_is_said_in_one_sentence(arguments: list[str], said: str) 
 
 
 def test_a_world_that_dies_ends_the_vehicle_with_its_status() -> None:
-    call = [wire.program("tilthex-sim"), "--world", "sliding"]
+    call = [program("tilthex-sim"), "--world", "sliding"]
     with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None and process.stderr is not None
