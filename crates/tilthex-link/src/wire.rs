@@ -2,8 +2,9 @@
 
 use crate::{Outgoing, Severity, Text};
 
-/// Largest number of bytes that a tick takes from the link: five times the bytes of a vehicle in a period.
-pub const MAX_BYTES_IN: usize = 512;
+/// Largest number of bytes that a tick takes from the link: four times the bytes of a PX4 that publishes all its topics at
+/// the rate of the IMU over Ethernet, which is the vehicle that sends most.
+pub const MAX_BYTES_IN: usize = 2048;
 
 /// The bytes of one tick in both directions, in buffers of fixed size.
 #[derive(Clone, Copy, Debug)]
