@@ -25,11 +25,15 @@ TERMINAL = re.compile(r"\x1b\[[0-9;]*[A-Za-z]")
 
 @dataclass(frozen=True)
 class Page:
-    """A page of results: its name, its title, and the commands whose output it shows."""
+    """A page of results: its name, its title, and the commands whose output it shows.
+
+    A page whose environment variable `needs` is not set stays as it is.
+    """
 
     name: str
     title: str
     commands: tuple[str, ...]
+    needs: str | None = None
 
 
 PAGES = (
@@ -152,6 +156,7 @@ PAGES = (
     ),
     Page("instructions", "Instructions of a step", ("python -m benchmarks.instructions",)),
     Page("onboard", "On board: a Cortex-M7", ("make --silent onboard",)),
+    Page("px4", "PX4's own firmware in software", ("python -m benchmarks.px4_sitl",), needs="PX4_BUILD"),
     Page("timing", "The loop's timing, idle and beside other load", ("benchmarks/rt.sh 600",)),
     Page(
         "campaign",
@@ -176,6 +181,9 @@ def main() -> None:
         parser.error(f"no page is named {unknown[0]}; expected one of {', '.join(known)}")
     RESULTS.mkdir(parents=True, exist_ok=True)
     for name in arguments.name or known:
+        if known[name].needs and not os.environ.get(known[name].needs):
+            print(f"{name}: left as it is, because {known[name].needs} is not set")
+            continue
         print(f"{name} ...", flush=True)
         (RESULTS / f"{name}.md").write_text(page_text(known[name]))
 

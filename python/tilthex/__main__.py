@@ -23,6 +23,7 @@ from tilthex import (
     manoeuvres,
     new,
     plot,
+    px4,
     tune,
     video,
 )
@@ -44,6 +45,7 @@ COMMANDS: tuple[Callable[[Any], None], ...] = (
     manoeuvres.add_parser,
     new.add_parser,
     plot.add_parser,
+    px4.add_parser,
     tune.add_parser,
     video.add_parser,
     view.add_parser,
