@@ -222,6 +222,7 @@ class Flight:
             server.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             server.bind(("127.0.0.1", 4560))
             server.listen(1)
+            server.settimeout(30.0)
             command = f"exec px4 -d {self.build / 'etc'} -s etc/init.d-posix/rcS -w {self.folder}"
             board = self.shell(command)
             self.listen(board, lambda line: self.said.append((time.monotonic(), line)))
@@ -231,6 +232,7 @@ class Flight:
         finally:
             for process in filter(None, (self.rt, board)):
                 process.kill()
+                process.wait()
             line.close()
         return self.row(event)
 

@@ -63,7 +63,7 @@ impl fmt::Display for Complaint {
             ),
             Self::Unreadable(topic) => write!(
                 f,
-                "the messages of {} do not have the form of PX4 1.14 to 1.16 (in these versions esc_status has {} bytes): use one of \
+                "the messages of {} do not have the form of PX4 1.15 and 1.16 (in these versions esc_status has {} bytes): use one of \
                  these versions",
                 topic.name(),
                 EscStatus::LENGTH

@@ -1,4 +1,4 @@
-//! The measurements of PX4's motor controllers: `px4_msgs::msg::EscStatus` of PX4 1.14 to 1.16.
+//! The measurements of PX4's motor controllers: `px4_msgs::msg::EscStatus` of PX4 1.15 and 1.16.
 
 use super::{
     cdr::{Reader, Writer},

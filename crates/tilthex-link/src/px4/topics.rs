@@ -1,4 +1,4 @@
-//! The topics of PX4 that the link uses, as `px4_msgs` 1.14 to 1.16 define them, in CDR. Angles are in rad, vectors in FRD
+//! The topics of PX4 that the link uses, as `px4_msgs` 1.15 and 1.16 define them, in CDR. Angles are in rad, vectors in FRD
 //! (forward, right, down), and speeds in revolutions per minute if the name contains `rpm`.
 
 use super::cdr::{Reader, Writer};
