@@ -226,14 +226,14 @@ class Flight:
             command = f"exec px4 -d {self.build / 'etc'} -s etc/init.d-posix/rcS -w {self.folder}"
             board = self.shell(command)
             self.listen(board, lambda line: self.said.append((time.monotonic(), line)))
-            line, _ = server.accept()
-        try:
-            self.run(line, event)
-        finally:
-            for process in filter(None, (self.rt, board)):
-                process.kill()
-                process.wait()
-            line.close()
+            try:
+                line, _ = server.accept()
+                with line:
+                    self.run(line, event)
+            finally:
+                for process in filter(None, (self.rt, board)):
+                    process.kill()
+                    process.wait()
         return self.row(event)
 
     def run(self, line: socket.socket, event: Event) -> None:
