@@ -42,11 +42,34 @@ impl Complaints {
     }
 }
 
-/// Prints the status until the loop ends, and why the link is not ready.
+/// Decides when to print a text of the vehicle: once each time that it changes.
+#[derive(Default)]
+struct Texts {
+    said: Option<String>,
+}
+
+impl Texts {
+    /// Takes the newest text, and returns it if it must be printed now.
+    fn next(&mut self, newest: Option<&String>) -> Option<&str> {
+        if newest.is_none() || newest == self.said.as_ref() {
+            return None;
+        }
+        self.said = newest.cloned();
+        self.said.as_deref()
+    }
+}
+
+/// Prints the status until the loop ends, why the link is not ready, and what the vehicle says.
 pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
     let terminal = output::is_terminal();
     let begin = Instant::now();
-    let mut complaints = Complaints::default();
+    let (mut complaints, mut texts) = (Complaints::default(), Texts::default());
+    let clear = if terminal { "\r\x1b[K" } else { "" };
+    let mut say = |latest: &Latest| {
+        if let Some(text) = texts.next(latest.statistics.last_text.as_ref()) {
+            output::error(format_args!("{clear}tilthex-rt: the vehicle says: {text}"));
+        }
+    };
     let end = loop {
         let pause = if terminal { ON_A_TERMINAL } else { IN_A_FILE };
         match running.end.recv_timeout(pause) {
@@ -54,8 +77,8 @@ pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
             Err(RecvTimeoutError::Disconnected) => break None,
             Err(RecvTimeoutError::Timeout) => {
                 let latest = observer.latest();
+                say(&latest);
                 if let Some(complaint) = latest.tick.as_ref().and_then(|tick| complaints.next(tick)) {
-                    let clear = if terminal { "\r\x1b[K" } else { "" };
                     output::error(format_args!("{clear}tilthex-rt: warning: {complaint}"));
                 }
                 let line = line(begin.elapsed().as_secs_f64(), &latest);
@@ -63,6 +86,7 @@ pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
             }
         }
     };
+    say(&observer.latest());
     if terminal {
         output::line("");
     }
@@ -95,4 +119,19 @@ fn line(elapsed: f64, latest: &Latest) -> String {
         line += &format!("  [{}]", fault_names(record.faults));
     }
     line
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_printed_once_each_time_that_it_changes() {
+        let mut texts = Texts::default();
+        let [first, second] = ["PX4 has left the offboard mode", "low battery"].map(String::from);
+        let heard = [None, Some(&first), Some(&first), Some(&second), Some(&first)];
+        let printed: Vec<_> =
+            heard.into_iter().filter_map(|text| texts.next(text).map(str::to_owned)).collect();
+        assert_eq!(printed, [first.clone(), second, first]);
+    }
 }
