@@ -3,6 +3,7 @@
 use super::{
     agent::Agent,
     complaint::Complaint,
+    engaging::Engaging,
     esc_status::{ESCS, EscStatus},
     frame::{AGENT, Decoder},
     inertial::InertialStream,
@@ -68,6 +69,7 @@ pub struct Host {
     insist: f64,
     heartbeat: f64,
     ordered: f64,
+    engaging: Engaging,
     was_offboard: bool,
     /// Whether PX4 has left the offboard mode since this link began to drive motors.
     left: bool,
@@ -112,6 +114,7 @@ impl Host {
             insist: LONG_AGO,
             heartbeat: LONG_AGO,
             ordered: LONG_AGO,
+            engaging: Engaging::default(),
             was_offboard: false,
             left: false,
         })
@@ -144,18 +147,23 @@ impl Host {
 
     /// Asks for the offboard mode, then orders to arm. If a pilot has taken over, it does nothing.
     fn engage(&mut self, now: f64, out: &mut Outgoing) {
-        let engaged = self.streams.armed() && self.streams.offboard();
-        if engaged || self.left || now - self.ordered < ORDER_EVERY {
+        if self.left || self.streams.armed() && self.streams.offboard() {
+            self.engaging.end();
+            return;
+        }
+        if now - self.ordered < ORDER_EVERY {
             return;
         }
         let order = if self.streams.offboard() { VehicleCommand::Arm } else { VehicleCommand::Offboard };
         self.agent.send(&order, out);
+        self.engaging.send(order, now);
         self.ordered = now;
     }
 
     /// Stops all motors at once, and disarms: [`STAYS_ARMED`] later if one motor was driven alone. [`Told::Stop`] stops
     /// only motors that this link has driven, and only in the offboard mode: in another mode a pilot or PX4 flies.
     fn stop(&mut self, told: Told, now: f64, out: &mut Outgoing) {
+        self.engaging.end();
         if told == Told::Stop && self.told == Told::Nothing {
             return;
         }
@@ -294,6 +302,9 @@ impl VehicleLink for Host {
             self.streams.motor_rate.forget();
         }
         self.tell_mode();
+        if let Some(text) = self.engaging.refused(now) {
+            self.text = Some((Severity::Error, Text::new(text)));
+        }
         self.mark_starting(now);
         self.update_link(now);
         &self.streams.telemetry

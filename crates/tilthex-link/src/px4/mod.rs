@@ -9,6 +9,7 @@ mod agent;
 pub mod board;
 mod cdr;
 mod complaint;
+mod engaging;
 mod entity;
 mod esc_status;
 mod frame;
