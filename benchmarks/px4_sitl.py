@@ -228,13 +228,16 @@ class Flight:
             self.listen(board, lambda line: self.said.append((time.monotonic(), line)))
             try:
                 line, _ = server.accept()
-                with line:
-                    self.run(line, event)
+                self.run(line, event)
             finally:
-                for process in filter(None, (self.rt, board)):
-                    process.kill()
-                    process.wait()
+                self.end(board)
         return self.row(event)
+
+    def end(self, board: subprocess.Popen[str]) -> None:
+        """Ends both programs, PX4 first: it can keep a processor busy while nothing simulates it."""
+        for process in filter(None, (board, self.rt)):
+            process.kill()
+            process.wait()
 
     def run(self, line: socket.socket, event: Event) -> None:
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
