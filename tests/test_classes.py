@@ -112,7 +112,7 @@ BLOCKS = {
         )[1:],
     ),
     "VehicleLink": (
-        lambda: asked(tilthex.VehicleLink(CONFIG)),
+        lambda: tilthex.VehicleLink(CONFIG),
         lambda one, rng: (
             one.receive(rng.uniform(0.1, 0.2), b"^?flymu1.4$" + rng.bytes(9)),
             one.command(rng.uniform(0.2, 5.0), SPEEDS + rng.normal(size=6), start=True),
@@ -124,11 +124,6 @@ BLOCKS = {
     ),
 }
 """How each class with a state is made, and a step of it under random inputs, with what it gives."""
-
-
-def asked(link):
-    link.command(0.0)
-    return link
 
 
 def begun(filter):
