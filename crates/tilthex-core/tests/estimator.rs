@@ -148,6 +148,19 @@ proptest! {
         prop_assert!((a.specific_force_r() - b.specific_force_r()).amax() < 1e-8);
     }
 
+    /// Matrices that are not finite, or far from the identity, are refused, whichever entry it is.
+    #[test]
+    fn matrices_that_cannot_be_are_refused(entry in 0..9usize, wrong in prop::sample::select(vec![f64::NAN, 2.0])) {
+        let mut matrix = Matrix3::identity();
+        matrix[entry] = wrong;
+        for params in [
+            EstimatorParams { gyro_matrix_i: matrix, ..params() },
+            EstimatorParams { accelerometer_matrix_i: matrix, ..params() },
+        ] {
+            prop_assert!(Estimator::new(params).is_err());
+        }
+    }
+
     /// Turning the world about its vertical turns the estimate, and changes nothing else.
     #[test]
     fn a_turned_world_turns_the_estimate(seed in any::<u64>(), angle in -3.0..3.0f64) {

@@ -31,7 +31,7 @@ pub use rest::{RestParams, StartError};
 
 use crate::{
     Error, so3,
-    types::{Matrix3, Vector3, is_finite3},
+    types::{Matrix3, PoseSample, Vector3, is_finite3},
     ukf::{InitialDeviation, Navigation, ProcessNoise, Ukf, UkfState},
 };
 use history::{Checkpoints, ImuHistory, PoseQueue};
@@ -255,6 +255,18 @@ impl Estimator {
         let kept = (self.head.kept_bias, self.current_kept_bias);
         self.go_on(self.navigation(), &InitialDeviation { position: UNFELT.0, velocity: UNFELT.1, ..known });
         (self.head.kept_bias, self.current_kept_bias) = kept;
+    }
+
+    /// The pose of the IMU that follows from a captured one, at the time at which it was captured.
+    pub(crate) fn pose_of_imu(&self, pose: &PoseSample) -> PoseSample {
+        let imu = self.params.imu_pose(&self.derived, &pose.position_w, &pose.rotation_wr);
+        let (time, position_w) = (pose.time - self.params.latency, imu.position_w);
+        PoseSample { time, position_w, rotation_wr: imu.rotation_wi, ..*pose }
+    }
+
+    /// Rotation of the captured body, as the estimate has it: maps its coordinates to the world's.
+    pub(crate) fn captured_rotation(&self) -> Matrix3 {
+        self.current.rotation_wi * self.derived.rotation_ci.transpose()
     }
 
     /// Continues with a vehicle that is turned by a yaw, rad, about the world's vertical, because the captured body was found

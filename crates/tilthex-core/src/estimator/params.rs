@@ -87,7 +87,7 @@ pub(super) struct ImuPose {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Derived {
     /// Maps IMU coordinates to the captured body's.
-    rotation_ci: Matrix3,
+    pub(super) rotation_ci: Matrix3,
     /// Origin of the captured body, m, IMU.
     pub(super) arm_i: Vector3,
     pub(super) gate_pose: f64,
@@ -121,11 +121,10 @@ impl EstimatorParams {
                 &self.accelerometer_matrix_i,
             ),
         ] {
-            let off = (matrix - Matrix3::identity()).amax();
-            if !off.is_finite() {
+            if !matrix.iter().all(|x| x.is_finite()) {
                 return Err(Error::NotFinite { name });
             }
-            check_range(difference, off, 0.0, MATRIX_OFF)?;
+            check_range(difference, (matrix - Matrix3::identity()).amax(), 0.0, MATRIX_OFF)?;
         }
         self.initial.check()?;
         self.rest.check()?;

@@ -1,4 +1,4 @@
-//! The first moments after lift-off, which show errors of wiring, axes and latency.
+//! The time from lift-off to the begin of the mission, which shows errors of wiring, axes and latency.
 //!
 //! These errors do not show on the ground, because the legs take every force of the rotors. In the first decimetres a
 //! correct vehicle stays level above its start; an incorrect one is stopped while a stop does no harm.
@@ -14,7 +14,7 @@ use crate::{
         Fault, FaultSet, LIFT_OFF_FAULTS, Phase,
         limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME, POSE_LOST},
     },
-    types::{PoseSample, Vector3},
+    types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
 };
 
@@ -40,15 +40,22 @@ pub(super) struct LiftOff {
     witness: Option<Witness>,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
-    /// What poses and accelerometer showed when it was found.
-    told: Told,
+    /// How much later than their times poses were when it was found, s.
+    late: f64,
+    /// Turns the captured body to where it should be, if it was found to be turned.
+    turn_c: Option<Matrix3>,
 }
 
 impl LiftOff {
     /// A take-off begins.
     pub(super) fn begin(&mut self) {
-        *self =
-            Self { since: Some(0.0), witness: Some(Witness::default()), fault: None, told: Told::default() };
+        *self = Self {
+            since: Some(0.0),
+            witness: Some(Witness::default()),
+            fault: None,
+            late: 0.0,
+            turn_c: None,
+        };
     }
 
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
@@ -60,21 +67,19 @@ impl LiftOff {
     }
 
     /// The pose with the time at which it was captured, if poses were found to be late, and with the yaw of the vehicle, if
-    /// the captured body was found to be turned. The vehicle is nearly level then.
+    /// the captured body was found to be turned.
     pub(super) fn corrected(&self, pose: &PoseSample) -> PoseSample {
         match self.fault {
-            Some(Fault::CaptureLate) => {
-                PoseSample { time: pose.time - self.told.late.unwrap_or(0.0), ..*pose }
-            }
+            Some(Fault::CaptureLate) => PoseSample { time: pose.time - self.late, ..*pose },
             Some(Fault::CaptureAxes) => {
-                let turn = so3::rot_z(self.told.yaw.unwrap_or(0.0));
-                PoseSample { rotation_wr: turn * pose.rotation_wr, ..*pose }
+                let turn_c = self.turn_c.unwrap_or_else(Matrix3::identity);
+                PoseSample { rotation_wr: pose.rotation_wr * turn_c, ..*pose }
             }
             _ => *pose,
         }
     }
 
-    /// Takes a captured pose.
+    /// Takes a pose of the IMU, as the capture system shows it.
     pub(super) fn see(&mut self, pose: &PoseSample) {
         if let Some(witness) = &mut self.witness {
             witness.see(pose);
@@ -113,11 +118,11 @@ impl Flight {
         // A delay or a yaw shows in the first hover at the latest, or in the landing to which it leads.
         let inconsistent = self.supervisor.active().contains(Fault::EstimateInconsistent);
         let lands = phase == Phase::Emergency || phase == Phase::Landing && !inconsistent;
-        if self.guidance.ready() || lands {
+        if self.guidance.ready() || lands || !phase.in_flight() {
             watch.witness = None;
         }
         let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
-        watch.told = told;
+        watch.late = told.late.unwrap_or(0.0);
         if watch.since.is_none() {
             if told.late.is_some() {
                 watch.fault = Some(Fault::CaptureLate);
@@ -171,6 +176,8 @@ impl Flight {
     /// The captured body is turned: from now on the estimate has the yaw of the vehicle.
     fn turn(&mut self, yaw: f64) {
         let before = self.robot_state();
+        let captured = self.estimator.captured_rotation();
+        self.lift_off.turn_c = Some(captured.transpose() * so3::rot_z(yaw) * captured);
         self.estimator.turn(yaw);
         self.capture.struck();
         self.absorb_jump(&before, 0.0);
@@ -200,7 +207,6 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::types::Matrix3;
     use proptest::prelude::*;
 
     proptest! {
@@ -208,19 +214,19 @@ mod tests {
         fn poses_are_corrected_by_what_was_found_and_only_then(
             late in 0.04f64..0.3, yaw in 0.5f64..3.0, time in 0.0f64..9.0
         ) {
-            let (position_w, rotation_wr) = (Vector3::zeros(), Matrix3::identity());
+            let (position_w, rotation_wr) = (Vector3::zeros(), so3::exp(&Vector3::new(0.1, 0.2, 0.3)));
             let pose = PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true };
-            let told = Told { late: Some(late), mirrored: false, yaw: Some(yaw) };
+            let turn_c = Some(so3::rot_z(yaw));
             for fault in [None, Some(Fault::CaptureLate), Some(Fault::CaptureAxes)] {
-                let watch = LiftOff { fault, told, ..LiftOff::default() };
+                let watch = LiftOff { fault, late, turn_c, ..LiftOff::default() };
                 let expected = match fault {
                     Some(Fault::CaptureLate) => PoseSample { time: time - late, ..pose },
-                    Some(Fault::CaptureAxes) => PoseSample { rotation_wr: so3::rot_z(yaw), ..pose },
+                    Some(Fault::CaptureAxes) => PoseSample { rotation_wr: rotation_wr * so3::rot_z(yaw), ..pose },
                     _ => pose,
                 };
                 prop_assert_eq!(watch.corrected(&pose), expected);
             }
-            let mut again = LiftOff { fault: Some(Fault::CaptureLate), told, ..LiftOff::default() };
+            let mut again = LiftOff { fault: Some(Fault::CaptureLate), late, turn_c, ..LiftOff::default() };
             again.begin();
             prop_assert_eq!(again.corrected(&pose), pose);
         }

@@ -83,7 +83,7 @@ impl Flight {
                 continue;
             }
             if self.estimator.is_initialized() {
-                self.lift_off.see(pose);
+                self.lift_off.see(&self.estimator.pose_of_imu(pose));
                 self.estimator.update_pose(&self.lift_off.corrected(pose));
             } else if pose.tracking_valid && pose.is_finite() {
                 // Until the start succeeds, the operator gets this reason.

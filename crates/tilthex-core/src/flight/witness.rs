@@ -31,6 +31,12 @@ const BETTER: f64 = 0.15;
 const MIRRORS: f64 = -0.4;
 /// A horizontal correlation above this part shows a yaw; a smaller yaw than this, rad, does not make a flight unstable.
 const TURNS: (f64, f64) = (0.8, 0.5);
+/// It is told if the motion has two directions (the product of their sizes is at least this part of the sum of their squares),
+/// and after this time, s: a delay turns a motion, too, but not for long.
+const TWO_DIRECTIONS: f64 = 0.15;
+const HOLDS: f64 = 0.6;
+/// A pose that comes earlier than this after the last one, s, is not used.
+const SPARSE: f64 = 0.008;
 
 /// What the comparison shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -52,6 +58,7 @@ pub(super) struct Witness {
     felt: [Vector3; KEPT],
     newest: usize,
     time: f64,
+    now: f64,
     /// Where the first pose was, m, world, and the last ones, newest first.
     from_w: Option<Vector3>,
     seen: [(f64, Vector3); SEEN],
@@ -62,6 +69,8 @@ pub(super) struct Witness {
     /// Squares of the horizontal accelerations.
     captured_level: f64,
     felt_level: f64,
+    /// For how long they have shown a yaw, s.
+    turned: f64,
 }
 
 impl Default for Witness {
@@ -73,6 +82,7 @@ impl Default for Witness {
             felt: [zero; KEPT],
             newest: 0,
             time: 0.0,
+            now: 0.0,
             from_w: None,
             seen: [(f64::NEG_INFINITY, zero); SEEN],
             products: [Matrix3::zeros(); DELAYS],
@@ -80,6 +90,7 @@ impl Default for Witness {
             felt_square: 0.0,
             captured_level: 0.0,
             felt_level: 0.0,
+            turned: 0.0,
         }
     }
 }
@@ -89,17 +100,24 @@ impl Witness {
     pub(super) fn feel(&mut self, acceleration_w: &Vector3, now: f64, dt: f64) {
         self.velocity_w += acceleration_w * dt;
         self.position_w += self.velocity_w * dt;
-        if now - self.time >= EVERY - 1e-4 {
-            self.time = now;
+        self.now = now;
+        if now - self.time > EVERY * KEPT as f64 {
+            self.time = now - EVERY;
+        }
+        while now - self.time >= EVERY - 1e-4 {
+            self.time += EVERY;
             self.newest = self.newest.wrapping_add(1) % KEPT;
             if let Some(slot) = self.felt.get_mut(self.newest) {
-                *slot = self.position_w;
+                *slot = self.position_w - self.velocity_w * (now - self.time);
             }
         }
     }
 
     /// Position of the vehicle by the accelerometer at a time, s, if it is still kept.
     fn felt_at(&self, time: f64) -> Option<Vector3> {
+        if time >= self.time {
+            return (time <= self.now).then(|| self.position_w - self.velocity_w * (self.now - time));
+        }
         let back = (self.time - time) / EVERY;
         let whole = libm::floor(back);
         if !(0.0..(KEPT - 1) as f64).contains(&whole) {
@@ -110,8 +128,11 @@ impl Witness {
         Some(later + (earlier - later) * (back - whole))
     }
 
-    /// Takes a captured pose.
+    /// Takes a pose of the IMU, as the capture system shows it.
     pub(super) fn see(&mut self, pose: &PoseSample) {
+        if self.seen.first().is_some_and(|(time, _)| pose.time - time < SPARSE) {
+            return;
+        }
         self.from_w.get_or_insert(pose.position_w);
         let mut last = (pose.time, pose.position_w);
         for slot in &mut self.seen {
@@ -148,6 +169,7 @@ impl Witness {
         add(&mut self.felt_square, now.norm_squared());
         add(&mut self.captured_level, seen.xy().norm_squared());
         add(&mut self.felt_level, now.xy().norm_squared());
+        self.turned = if self.yaw().is_some() { self.turned + dt } else { 0.0 };
     }
 
     /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
@@ -171,7 +193,8 @@ impl Witness {
         let determinant = p.m11 * p.m22 - p.m12 * p.m21;
         let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
         let mirrored = 2.0 * determinant < MIRRORS * square;
-        Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| !(late || mirrored)) }
+        let turned = !(late || mirrored) && steps <= 1 && self.turned > HOLDS;
+        Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| turned) }
     }
 
     /// The yaw that turns the felt motion onto the captured one, rad, if it is large.
@@ -181,7 +204,9 @@ impl Witness {
         let scale = libm::sqrt(self.captured_level * self.felt_level);
         let (part, least) = TURNS;
         let yaw = libm::atan2(sine, cosine);
-        let shows = self.felt_level > SHAKES && libm::hypot(sine, cosine) > part * scale;
+        let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
+        let two = p.m11 * p.m22 - p.m12 * p.m21 > TWO_DIRECTIONS * square;
+        let shows = two && self.felt_level > SHAKES && libm::hypot(sine, cosine) > part * scale;
         Some(yaw).filter(|yaw| shows && yaw.abs() > least)
     }
 
@@ -197,8 +222,9 @@ mod tests {
     use super::*;
     use crate::{random::Random, so3};
 
-    /// Sways before a capture system that is late by `late`, s, and shows positions changed by a matrix.
-    fn watch(late: f64, change: Matrix3, seed: u64) -> Witness {
+    /// Sways before a capture system that is late by `late`, s, and shows positions changed by a matrix, every `every`
+    /// samples. `look` gets what is told after each pose.
+    fn watch((late, every): (f64, usize), change: Matrix3, seed: u64, mut look: impl FnMut(Told)) -> Witness {
         let (mut witness, mut random) = (Witness::default(), Random::new(seed));
         let at = |t: f64| {
             Vector3::new(0.01 * libm::sin(9.0 * t), 0.02 * libm::cos(6.3 * t), 0.02 * libm::sin(4.0 * t))
@@ -207,7 +233,7 @@ mod tests {
             let t = f64::from(k) * 0.002;
             let acceleration = (at(t + 1e-3) - at(t) * 2.0 + at(t - 1e-3)) / 1e-6;
             witness.feel(&(acceleration + random.normal3(0.05)), t, 0.002);
-            if k % 5 == 0 {
+            if k as usize % every == 0 {
                 let position_w = change * at(t - late) + random.normal3(2e-4);
                 let rotation_wr = Matrix3::identity();
                 witness.see(&PoseSample {
@@ -217,32 +243,47 @@ mod tests {
                     rotation_wr,
                     tracking_valid: true,
                 });
+                look(witness.tells());
             }
         }
         witness
     }
 
+    /// Size of the difference of two angles, rad.
+    fn apart(a: f64, b: f64) -> f64 {
+        libm::atan2(libm::sin(a - b), libm::cos(a - b)).abs()
+    }
+
     #[test]
     fn delay_mirror_and_yaw_are_told_apart() {
-        for seed in 0..5 {
-            for yaw in [0.0, 0.5, 1.6, 3.1, -1.0] {
-                let told = watch(0.0, so3::rot_z(yaw), seed).tells();
-                assert_eq!((told.late, told.mirrored), (None, false), "{yaw}");
-                // A small yaw is no fault.
-                let near = told.yaw.map_or(yaw.abs() <= TURNS.1, |found| (found - yaw).abs() < 0.1);
-                assert!(near, "{:?} {yaw}", told.yaw);
+        for (seed, every) in [(0, 5), (1, 2), (2, 1), (3, 4), (4, 5)] {
+            for yaw in [0.0, 0.3, 0.7, 1.6, 3.1, -1.0] {
+                // Neither a delay nor a mirror image is ever told; a small yaw is no fault.
+                let watched = |told: Told| {
+                    assert_eq!((told.late, told.mirrored), (None, false), "{yaw} {every}");
+                    let near = told.yaw.is_none_or(|found| apart(found, yaw) < 0.3);
+                    assert!(near && (told.yaw.is_none() || yaw != 0.0), "{:?} {yaw} {every}", told.yaw);
+                };
+                let told = watch((0.0, every), so3::rot_z(yaw), seed, watched).tells();
+                let near = told.yaw.map_or(yaw.abs() <= TURNS.1, |found| apart(found, yaw) < 0.1);
+                assert!(near, "{:?} {yaw} {every}", told.yaw);
                 for late in [0.12, 0.18, 0.25] {
-                    let witness = watch(late, so3::rot_z(yaw), seed);
-                    let told = witness.tells();
-                    let found = told.late.is_some_and(|found| (found - late).abs() <= 0.5 * STEP + 1e-3);
-                    assert!(found && !told.mirrored && told.yaw.is_none(), "{told:?} {late}");
+                    // A motion that comes late is not taken for one that is turned.
+                    let watched = |told: Told| assert!(yaw != 0.0 || told.yaw.is_none(), "{told:?} {late}");
+                    let told = watch((late, every), so3::rot_z(yaw), seed, watched).tells();
+                    assert!(!told.mirrored && told.yaw.is_none(), "{told:?} {late} {every}");
+                    // At other rates than 100 Hz not every delay is found.
+                    let off = if every == 5 { 0.5 * STEP + 1e-3 } else { STEP + 1e-3 };
+                    let found = told.late.map_or(every != 5, |found| (found - late).abs() <= off);
+                    assert!(found, "{told:?} {late} {every}");
                 }
                 for axis in [0, 1] {
                     let mut mirror = so3::rot_z(yaw);
                     mirror.column_mut(axis).neg_mut();
                     let expected = Told { mirrored: true, ..Told::default() };
-                    assert_eq!(watch(0.0, mirror, seed).tells(), expected);
-                    assert!(watch(0.1, mirror, seed).tells().mirrored);
+                    assert_eq!(watch((0.0, every), mirror, seed, |_| ()).tells(), expected);
+                    let late = watch((0.1, every), mirror, seed, |_| ()).tells();
+                    assert!(late.mirrored || every != 5);
                 }
             }
         }
