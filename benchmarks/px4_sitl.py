@@ -181,6 +181,7 @@ class Flight:
     said: list[tuple[float, str]] = field(default_factory=list)
     rates: dict[str, float] = field(default_factory=dict)
     rt: subprocess.Popen[str] | None = None
+    status: int | None = None
     event: float = 0.0
     largest: float = 0.0
     armed: bool = False
@@ -230,6 +231,7 @@ class Flight:
                 line, _ = server.accept()
                 self.run(line, event)
             finally:
+                self.status = self.rt.poll() if self.rt else None
                 self.end(board)
         return self.row(event)
 
@@ -285,8 +287,7 @@ class Flight:
         topics = ("actuator_motors", "offboard_control_mode", "sensor_combined", "esc_status")
         rates = "/".join(f"{self.rates.get(topic, 0.0):.0f}" for topic in topics)
         after = f"{failsafe[0]:.2f}" if failsafe else "-"
-        status = self.rt.poll() if self.rt else None
-        end = f"tilthex-rt ended with {status}, " if status is not None else ""
+        end = "" if self.status is None else f"tilthex-rt ended with {self.status}, "
         return (
             f"{event.name:28} {rates:>16} {1e3 * self.largest:8.1f} {after:>10}   "
             f"{end}{'armed' if self.armed else 'disarmed'}"

@@ -17,7 +17,7 @@ PAGES = sorted(
 )
 OURS = r"tilthex|tilthex-rt|tilthex-sim"
 PROGRAM = re.compile(
-    rf"(?:[A-Z_]+=\S+ )*(?:{OURS}|make|python3?|pip|pytest|cargo|gcc|dask|sbatch|ros2|source"
+    rf"(?:[A-Z0-9_]+=\S+ )*(?:{OURS}|make|python3?|pip|pytest|cargo|gcc|dask|sbatch|ros2|source"
     r"|(?:\.venv|target)/\S+)(?: |$)"
 )
 # A command in a sentence with a file or a number has all its arguments; another one only names it.
@@ -128,6 +128,8 @@ RULES = [
     # PX4.
     Rule(r"tilthex-sim --config examples/px4\.toml .*", slow=True, beside=True, says="udp:"),
     Rule(r"tilthex-rt --config examples/px4\.toml .*", slow=True),
+    Rule(r"PX4_BUILD=.* python -m benchmarks\.px4_sitl", not_here="it needs a build of PX4"),
+    Rule(r"tilthex px4 .* --check .*", replace=((r"saved\.params", "mine.params"),)),
     # What asks, and what serves.
     Rule(r"tilthex new .*", answers="\n" * 20),
     Rule(r"tilthex view", not_here=LIVE),
