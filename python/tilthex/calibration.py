@@ -25,6 +25,8 @@ TURNS = 0.05
 """Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
 USUAL = 0.05, 0.02
 """Standard deviations of the entries of the gyro's and of the accelerometer's matrix without a recording."""
+MATRIX_OFF = 0.29
+"""Largest difference of an entry from the identity that is searched; the estimator takes 0.3."""
 TELLS = 4.0
 """A matrix is written if one of its entries is this many standard deviations from the configured one."""
 MATRICES = "gyro_matrix", "accelerometer_matrix"
@@ -126,7 +128,8 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     # A filter that hardly trusts the poses leads near to the result; the configured filter then
     # finds it.
     coarse = search.config.replace(estimator={"position_noise": 0.05, "rotation_noise_deg": 5.0})
-    bounds = search.bounds()
+    low, high = search.bounds()
+    bounds = low[:7], high[:7]
     place: dict[str, Any] = {"jac": search.jacobian, "bounds": bounds, "max_nfev": 40}
     near = least_squares(search.residuals, np.ones(7), args=(coarse,), **place)
     found = least_squares(search.residuals, near.x, args=(search.config,), loss="soft_l1", **place)
@@ -145,6 +148,7 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
         jac=search.jacobian,
         args=(search.config,),
         loss="soft_l1",
+        bounds=(low, high),
         max_nfev=8,
     )
     whole = search.with_deviations(all_of_it)
@@ -171,14 +175,23 @@ class _Search:
         matrices = [np.asarray(keys[f"{sensor}_matrix"], float) for sensor in ("gyro", "accelerometer")]
         self._gyro, force = (np.diag(each) if each.ndim == 1 else each for each in matrices)
         self._force = np.diag(force)
+        if (force != np.diag(self._force)).any():
+            raise ValueError(
+                "[estimator] accelerometer_matrix has entries beside its diagonal; expected the three scales "
+                "that calibrate can find"
+            )
         self._scale = np.r_[[0.05] * 3, [0.02] * 3, 0.005, [USUAL[0]] * 9, [USUAL[1]] * 3]
 
     def bounds(self) -> tuple[Array, Array]:
-        """The bounds of the place's parameters."""
-        low, high = np.full(7, -np.inf), np.full(7, np.inf)
+        """The bounds of all parameters."""
+        low, high = np.full(19, -np.inf), np.full(19, np.inf)
         scale = self._scale
         low[:3], high[:3] = 1 - FARTHEST / scale[:3], 1 + FARTHEST / scale[:3]
         low[6], high[6] = (1 + latency / scale[6] for latency in LATENCIES)
+        configured = np.r_[(self._gyro - np.eye(3)).ravel(), self._force - 1]
+        for bound, off in ((low, -MATRIX_OFF), (high, MATRIX_OFF)):
+            # What is configured is inside.
+            bound[7:] = 1 + np.sign(off) * np.maximum(np.sign(off) * (off - configured), 1e-3) / scale[7:]
         return low, high
 
     def calibration(self, parameters: Array) -> Calibration:

@@ -32,8 +32,8 @@ def add_parser(subparsers: Any) -> None:
         "px4",
         help="write or check the parameters of PX4 that describe a vehicle's rotors",
         description="Prints PX4's parameters CA_ROTOR* of a vehicle in the format of QGroundControl, or "
-        "checks a file of parameters: order, places, axes and directions of the motors. Exit status of a "
-        "check: 0 if all agree, 2 if not.",
+        "checks a file of parameters: order, places, axes and directions (the sign of KM) of the motors. "
+        "Exit status of a check: 0 if all agree, 2 if not.",
     )
     parser.add_argument("config", help="a configuration, a vehicle's TOML file, or a preset")
     todo = parser.add_mutually_exclusive_group()
@@ -108,7 +108,7 @@ def differences(vehicle: Vehicle, found: dict[str, float]) -> Iterator[str]:
         if not axis.any() or not aligned:
             yield f"CA_ROTOR{index}_AX, _AY, _AZ are {_text(axis)}; expected {_text(wanted)}"
         moment, wanted_moment = found[f"CA_ROTOR{index}_KM"], expected[f"CA_ROTOR{index}_KM"]
-        if wanted_moment and moment * wanted_moment <= 0.0:
+        if wanted_moment and not moment * wanted_moment > 0.0:
             turns = "counter-clockwise" if wanted_moment > 0.0 else "clockwise"
             yield (
                 f"CA_ROTOR{index}_KM is {moment:g}; expected {wanted_moment:.3g}: "

@@ -156,12 +156,14 @@ def fly(
         if trajectory is None:
             raise ValueError("neither trajectory nor duration is given; expected at least one of them")
         duration = trajectory.duration
+    if not duration > 0.0:
+        raise ValueError(f"duration is {duration:g} s; expected a time above 0")
     with ExitStack() as stack:
         line = _open(port)
         stack.callback(os.close, line)
         flight = _Flight(line, _core.PoseClient(config, poses), config)
-        flight.begin()
         try:
+            flight.begin()
             flight.take_off()
             at = trajectory.sample if trajectory is not None else lambda _: flight.above
             flight.go_to(at(0.0))
@@ -188,7 +190,11 @@ def _open(port: str) -> int:
             "reactions to faults of tilthex-rt"
         )
     descriptor = os.open(path, os.O_RDWR | os.O_NOCTTY)
-    tty.setraw(descriptor)
+    try:
+        tty.setraw(descriptor)
+    except BaseException:
+        os.close(descriptor)
+        raise
     return descriptor
 
 
@@ -260,7 +266,7 @@ class _Flight:
         finally:
             stop = partial(self._write, None)
             self._until(lambda: not any(self._link.spinning), stop, lambda: "its motors do not stop")
-            os.write(self._line, self._link.part())
+            self._send(self._link.part())
 
     def _step(self, law: Callable[..., _core.Output], setpoint: _core.Setpoint, dt: float) -> _core.Output:
         found = self._filter
@@ -340,7 +346,14 @@ class _Flight:
         if not start:
             self._command = speeds
         if data:
-            os.write(self._line, data)
+            self._send(data)
+
+    def _send(self, data: bytes) -> None:
+        """Writes all bytes; a vehicle that takes none for `SILENT` is gone."""
+        while data:
+            if not select.select([], [self._line], [], SILENT)[1]:
+                raise OSError(f"the vehicle has taken no byte for {SILENT} s; is tilthex-sim still running?")
+            data = data[os.write(self._line, data) :]
 
     def _tool(self) -> _core.Setpoint:
         """Where the tool is, at rest."""

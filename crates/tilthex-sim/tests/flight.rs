@@ -9,7 +9,7 @@ use tilthex_core::{
     flight::{HostFacts, Record},
     supervisor::{Fault, Phase},
 };
-use tilthex_link::{LinkedFlight, LinkedOutput, WireInput};
+use tilthex_link::{LinkedFlight, LinkedOutput, MAX_BYTES_IN, WireInput};
 use tilthex_sim::{Push, Pushes, Simulation, SimulationParams};
 
 /// A host and a vehicle on virtual time.
@@ -55,7 +55,7 @@ impl World {
             let sample = PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true };
             self.poses.push(sample);
         }
-        let n = self.to_host.len().min(512);
+        let n = self.to_host.len().min(MAX_BYTES_IN);
         let input =
             WireInput { time, bytes: &self.to_host[..n], poses: &self.poses, command: None, host: self.host };
         let before = self.linked.flight.supervisor().phase();
@@ -139,4 +139,22 @@ fn it_holds_lands_and_descends_as_the_pose_stays_away() {
     assert!(world.until(3.0, |f| f.flight.supervisor().phase() == Phase::Emergency));
     assert!(world.until(20.0, LinkedFlight::finished), "{:?}", world.linked.flight.supervisor());
     assert!(world.simulation.stands());
+}
+
+/// While the host hangs the line keeps the bytes; of the samples in them none is lost afterwards.
+#[test]
+fn samples_that_wait_for_a_host_that_hangs_are_all_used() {
+    let mut world = World::new(Vec::new());
+    world.fly();
+    let before = world.linked.flight.estimator().health().counts;
+    for _ in 0..70 {
+        world.simulation.advance(&mut world.to_host);
+    }
+    assert!(world.to_host.len() < MAX_BYTES_IN, "one tick takes all, {} bytes", world.to_host.len());
+    for _ in 0..100 {
+        world.tick();
+        let counts = world.linked.flight.estimator().health().counts;
+        assert_eq!((counts.imu_gaps, counts.imu_rejected), (before.imu_gaps, before.imu_rejected));
+    }
+    world.land();
 }

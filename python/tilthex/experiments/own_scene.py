@@ -41,7 +41,10 @@ def load(path: Path, options: Mapping[str, Any]) -> Scene:
         function = getattr(module(path), "scene", None)
         if not callable(function):
             raise ValueError(f"{path} has no function `scene`; expected one that returns a scene")
-        made = function(**options)
+        try:
+            made = function(**options)
+        except TypeError as error:
+            raise ValueError(f"[world] of scene {path}: {error}") from error
         found = made if isinstance(made, Scene) else _read(str(made), path)
     elif options:
         raise ValueError(f"[world] has the keys {', '.join(options)}; expected only `look_at` beside {path}")
@@ -60,7 +63,10 @@ def module(path: Path) -> ModuleType:
     if found is None or found.loader is None:
         raise ValueError(f"{path}: cannot be imported; expected a Python module")
     made = importlib.util.module_from_spec(found)
-    found.loader.exec_module(made)
+    try:
+        found.loader.exec_module(made)
+    except (SyntaxError, ImportError) as error:
+        raise ValueError(f"{path}: cannot be imported: {error}") from error
     return made
 
 

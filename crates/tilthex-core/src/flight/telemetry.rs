@@ -2,8 +2,9 @@
 
 use crate::types::{MAX_ROTORS, RotorVector, Vector3};
 
-/// Largest number of inertial samples that are kept in one tick.
-pub const MAX_SAMPLES: usize = 8;
+/// Largest number of inertial samples that are kept in one tick: more than those in the bytes that a tick takes from a link at its
+/// default rates.
+pub const MAX_SAMPLES: usize = 64;
 /// A time before every other time, s.
 const LONG_AGO: f64 = -1e9;
 

@@ -233,7 +233,7 @@ mod tests {
             let t = f64::from(k) * 0.002;
             let acceleration = (at(t + 1e-3) - at(t) * 2.0 + at(t - 1e-3)) / 1e-6;
             witness.feel(&(acceleration + random.normal3(0.05)), t, 0.002);
-            if k as usize % every == 0 {
+            if (k as usize).is_multiple_of(every) {
                 let position_w = change * at(t - late) + random.normal3(2e-4);
                 let rotation_wr = Matrix3::identity();
                 witness.see(&PoseSample {

@@ -332,7 +332,10 @@ impl VehicleLink for Host {
                 self.engage(now, out);
             }
             // No `engage` here: it would take the vehicle back from a pilot.
-            MotorCommand::Turn(speeds) => self.drive(Told::All, speeds, now, out),
+            MotorCommand::Turn(speeds) => {
+                self.engaging.end();
+                self.drive(Told::All, speeds, now, out);
+            }
         }
         self.agent.answer_all(now, out);
     }
