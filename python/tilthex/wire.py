@@ -25,7 +25,7 @@ from subprocess import PIPE
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tilthex import _core
 from tilthex._programs import Program, free_port
@@ -53,19 +53,9 @@ SLOW = {"velocity": 0.5, "acceleration": 1.0, "angular_velocity": 0.5, "angular_
 class Stepped(Protocol):
     """A controller that `fly` takes."""
 
-    def step(
-        self,
-        *,
-        position: ArrayLike,
-        velocity: ArrayLike,
-        rotation: ArrayLike,
-        angular_velocity: ArrayLike,
-        specific_force: ArrayLike,
-        rotor_speeds: ArrayLike,
-        setpoint: _core.Setpoint,
-        dt: float,
-    ) -> _core.Output:
-        """One step, as `tilthex.Controller.step`."""
+    @property
+    def step(self) -> Callable[..., _core.Output]:
+        """One step, with the arguments of `tilthex.Controller.step`."""
 
 
 class SimulatedVehicle(NamedTuple):

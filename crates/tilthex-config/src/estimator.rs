@@ -25,13 +25,13 @@ section! {
         accelerometer_noise: f64 = 0.01 => "m/s^2/sqrt(Hz)" from 1e-5 to 10.0,
         /// Random walk of the gyro's bias.
         gyro_bias_walk: f64 = 1e-4 => "rad/s/sqrt(s)" from 1e-8 to 1.0,
+        /// Random walk of the accelerometer's bias.
+        accelerometer_bias_walk: f64 = 1e-3 => "m/s^2/sqrt(s)" from 1e-7 to 10.0,
         /// Scale and misalignment of the gyro: the rate with its bias is this matrix times the reading, IMU axes. Three
         /// numbers, its diagonal, or 3x3; `tilthex calibrate` finds it.
         gyro_matrix: Square<3> = Square::diagonal([1.0; 3]) => "1",
-        /// Scale and misalignment of the accelerometer, as of the gyro.
+        /// Scale and misalignment of the accelerometer, as of the gyro; `tilthex calibrate` finds its diagonal.
         accelerometer_matrix: Square<3> = Square::diagonal([1.0; 3]) => "1",
-        /// Random walk of the accelerometer's bias.
-        accelerometer_bias_walk: f64 = 1e-3 => "m/s^2/sqrt(s)" from 1e-7 to 10.0,
         /// Origin of the captured body, robot frame; `tilthex calibrate` finds it.
         body_position: Axes<3> = Axes([0.0; 3]) => "m" from -10.0 to 10.0,
         /// Captured body to robot frame: roll, pitch, yaw (yaw first).

@@ -32,6 +32,7 @@ def load(path: Path, options: Mapping[str, Any]) -> Scene:
 
     Raises:
         ValueError: The file cannot be read, or holds no scene; one sentence.
+        TypeError: The function does not take these keys.
     """
     options = dict(options)
     look_at = options.pop("look_at", None)
@@ -41,10 +42,7 @@ def load(path: Path, options: Mapping[str, Any]) -> Scene:
         function = getattr(module(path), "scene", None)
         if not callable(function):
             raise ValueError(f"{path} has no function `scene`; expected one that returns a scene")
-        try:
-            made = function(**options)
-        except TypeError as error:
-            raise ValueError(f"[world] of scene {path}: {error}") from error
+        made = function(**options)
         found = made if isinstance(made, Scene) else _read(str(made), path)
     elif options:
         raise ValueError(f"[world] has the keys {', '.join(options)}; expected only `look_at` beside {path}")

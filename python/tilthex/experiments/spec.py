@@ -125,13 +125,12 @@ class Run:
         """Builds the world."""
         options = dict(self.world)
         name = options.pop("scene", None)
-        if isinstance(name, str) and name.endswith(own_scene.ENDINGS):
-            return own_scene.load(Path(name), options)
-        if name not in SCENES:
+        own = isinstance(name, str) and name.endswith(own_scene.ENDINGS)
+        if not own and name not in SCENES:
             known = ", ".join(sorted(SCENES))
             raise ValueError(f"world.scene is {name!r}; expected one of {known}, or a file .xml or .py")
         try:
-            return SCENES[name](**options)
+            return own_scene.load(Path(name), options) if own else SCENES[name](**options)
         except TypeError as error:
             raise ValueError(f"[world] of scene {name}: {error}") from error
 

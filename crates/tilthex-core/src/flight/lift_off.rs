@@ -49,13 +49,7 @@ pub(super) struct LiftOff {
 impl LiftOff {
     /// A take-off begins.
     pub(super) fn begin(&mut self) {
-        *self = Self {
-            since: Some(0.0),
-            witness: Some(Witness::default()),
-            fault: None,
-            late: 0.0,
-            turn_c: None,
-        };
+        *self = Self { since: Some(0.0), witness: Some(Witness::default()), ..Self::default() };
     }
 
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.

@@ -190,8 +190,7 @@ impl Witness {
         };
         let delay = steps as f64 * STEP;
         let late = delay >= CAPTURE_LATE - 1e-9 && size > at_once + BETTER;
-        let determinant = p.m11 * p.m22 - p.m12 * p.m21;
-        let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
+        let (determinant, square) = level(&p);
         let mirrored = 2.0 * determinant < MIRRORS * square;
         let turned = !(late || mirrored) && steps <= 1 && self.turned > HOLDS;
         Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| turned) }
@@ -204,9 +203,10 @@ impl Witness {
         let scale = libm::sqrt(self.captured_level * self.felt_level);
         let (part, least) = TURNS;
         let yaw = libm::atan2(sine, cosine);
-        let square = p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22;
-        let two = p.m11 * p.m22 - p.m12 * p.m21 > TWO_DIRECTIONS * square;
-        let shows = two && self.felt_level > SHAKES && libm::hypot(sine, cosine) > part * scale;
+        let (determinant, square) = level(p);
+        let shows = determinant > TWO_DIRECTIONS * square
+            && self.felt_level > SHAKES
+            && libm::hypot(sine, cosine) > part * scale;
         Some(yaw).filter(|yaw| shows && yaw.abs() > least)
     }
 
@@ -215,6 +215,12 @@ impl Witness {
         let newest_w = self.seen.first().map(|(_, position_w)| position_w);
         newest_w.zip(self.from_w).map_or_else(Vector3::zeros, |(newest_w, from_w)| newest_w - from_w)
     }
+}
+
+/// Determinant of the horizontal products, and the sum of their squares.
+fn level(p: &Matrix3) -> (f64, f64) {
+    let determinant = p.m11 * p.m22 - p.m12 * p.m21;
+    (determinant, p.m11 * p.m11 + p.m12 * p.m12 + p.m21 * p.m21 + p.m22 * p.m22)
 }
 
 #[cfg(test)]
