@@ -113,6 +113,29 @@ fn false_poses_stay_false_and_true_poses_true_while_samples_are_missing() {
     ]);
 }
 
+/// Missing samples explain only what a vehicle can have flown since the last pose that agreed; and a gyro that drifts while no true
+/// pose comes is found by the poses that return.
+#[test]
+fn missing_samples_do_not_make_another_body_possible() {
+    let reboot = fault(Kind::Reboot, 2.402063094642229, 0.08241236345636162, 0.359695192278897, 30);
+    let soon = fault(Kind::CaptureOtherBody, 2.5385853526886852, 0.684022011130634, 0.2836590775900274, 7);
+    let flips = fault(Kind::BitFlips, 0.913832468532816, 0.34109206281954896, 0.05612155382619188, 7);
+    let brief = fault(Kind::CaptureOtherBody, 1.231733654657786, 0.25731662581407944, 0.4265415475253834, 12);
+    let long = fault(Kind::CaptureOtherBody, 2.259956250369118, 1.4616696030660634, 0.22477633262567698, 33);
+    let stall = fault(Kind::StalledInTick, 1.8145670771325513, 0.29122027377039983, 0.7993490516335626, 2);
+    let near = fault(Kind::CaptureOtherBody, 1.2791612861462802, 1.3118279194483808, 0.08512884069799698, 26);
+    let lost = fault(Kind::FramesLost, 1.0736042186116157, 1.5849906204293114, 0.8287448822611206, 3);
+    let default = fault(Kind::CaptureDefault, 0.6724988275375497, 0.9065214493539674, 0.275347222992225, 20);
+    let gyro = fault(Kind::GyroBias, 0.5025744758461451, 1.9884078167863959, 0.6567178272035775, 3);
+    none_fails(&[
+        (1970521, &[reboot, soon]),
+        (1972314, &[flips, brief]),
+        (1958706, &[long, stall]),
+        (1959331, &[near, lost]),
+        (1974389, &[default, gyro]),
+    ]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

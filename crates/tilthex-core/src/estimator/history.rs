@@ -30,14 +30,18 @@ pub(super) struct ImuEntry {
 /// Largest acceleration that a sample misses, m/s^2: of a blow, and of flight.
 const BLOW: f64 = 200.0;
 const FLIES: f64 = 30.0;
+/// A pose shows the velocity as it was this time before it, s: what samples have missed later, it has not shown.
+const SHOWN: f64 = 0.02;
 
 /// What doubtful samples may have missed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Doubt {
     /// Largest change of the velocity, m/s.
     pub(super) velocity: f64,
-    /// Time since the first of them began, s.
-    pub(super) age: f64,
+    /// Largest change of the position since then, m.
+    pub(super) position: f64,
+    /// Whether one of them is shaken. A blow may change more than these bounds say.
+    pub(super) shaken: bool,
 }
 
 /// The newest samples, each with a number that counts from zero.
@@ -68,9 +72,11 @@ impl ImuHistory {
     }
 
     /// What the samples of the last `time` seconds before number `next` may have missed. None if all of them were simply
-    /// measured, and none shows a blow. Older samples than those of half the ring count like the oldest of these.
-    pub(super) fn doubt(&self, next: u64, time: f64) -> Option<Doubt> {
+    /// measured, and none shows a blow. Older samples than those of half the ring count like the oldest of these. A pose
+    /// that agreed `since` seconds ago has shown what missing samples before it have done.
+    pub(super) fn doubt(&self, next: u64, time: f64, since: f64) -> Option<Doubt> {
         let newest = self.get(next.checked_sub(1)?).time;
+        let shown = newest - since - SHOWN;
         let mut doubt: Option<Doubt> = None;
         let (mut before, mut last) = (newest - time, None);
         for s in (next.saturating_sub(SAMPLES / 2)..next).map(|n| self.get(n)) {
@@ -78,8 +84,12 @@ impl ImuHistory {
             let gap = last.replace(s.time).is_some_and(|last| s.time - last > GAP);
             let missing = s.quality == Quality::Modelled || gap;
             if (shaken || missing) && newest - s.time <= time {
-                let doubt = doubt.get_or_insert(Doubt { velocity: 0.0, age: newest - before });
-                doubt.velocity += (s.time - before).max(0.0) * if shaken { BLOW } else { FLIES };
+                let (begin, acceleration) = if shaken { (before, BLOW) } else { (before.max(shown), FLIES) };
+                let gained = (s.time - begin).max(0.0) * acceleration;
+                let doubt = doubt.get_or_insert(Doubt { velocity: 0.0, position: 0.0, shaken });
+                doubt.shaken |= shaken;
+                doubt.velocity += gained;
+                doubt.position += gained * (newest - 0.5 * (begin + s.time));
             }
             before = s.time;
         }

@@ -41,6 +41,11 @@ const UNDOUBTED: f64 = 1.0;
 /// A rotation that poses contradict may be wrong by this much for each second since the last pose that agreed, rad/s.
 const TURN_RATE: f64 = 0.3;
 
+/// A motion is like the one that a drift of the gyro explains if it differs by less than this share of it.
+const LIKE: f64 = 0.5;
+/// No blow throws a vehicle away faster than this, m/s.
+const FASTEST: f64 = 10.0;
+
 /// Scales of the variances of a measured position and rotation.
 type Scales = (f64, f64);
 
@@ -75,7 +80,7 @@ impl Estimator {
         let gate = self.derived.gate_pose;
         let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
         let (noises, next) = (self.noises(), self.head.next_sample);
-        let doubtful = || self.samples.doubt(next, DOUBT).is_some();
+        let doubtful = || self.samples.doubt(next, DOUBT, DOUBT).is_some();
         let outcome = if self.head.trust.contradicts_still(&said, noises, doubtful) {
             self.head.trust.weigh(said);
             Outcome::Rejected
@@ -124,9 +129,10 @@ impl Estimator {
     ) -> Outcome {
         // After a model, an impact or a gap the state is so uncertain that poses decide.
         let since = pose.time - self.head.trust.accepted;
-        let doubt = self.samples.doubt(self.head.next_sample, DOUBT + since);
-        let certain = doubt.is_none();
-        let missed = doubt.map(|doubt| self.missed(&doubt)).filter(|m| m.position > said.position().norm());
+        let doubt = self.samples.doubt(self.head.next_sample, DOUBT + since, since);
+        let far = said.position().norm();
+        let blown = doubt.is_some_and(|doubt| doubt.shaken) && far < FASTEST * since;
+        let missed = doubt.map(|doubt| self.missed(&doubt, since)).filter(|m| m.position > far);
         let doubtful = missed.is_some();
         let gate = self.derived.gate_pose * self.head.trust.level();
         let repeated = self.head.trust.repeats(&said, self.noises());
@@ -156,7 +162,7 @@ impl Estimator {
             return Outcome::Weighed;
         }
         let outcome = self.contradict(pose, measured, said, missed);
-        if certain && outcome == Outcome::Rejected {
+        if !(doubtful || blown) && outcome == Outcome::Rejected {
             self.head.trust.contradict();
         }
         outcome
@@ -227,7 +233,7 @@ impl Estimator {
         let since = pose.time - trust.accepted;
         let lasting = since > self.params.reacquire_after;
         let agreement = trust.refuse(said, noises, modelled);
-        let Some(agreement) = agreement.filter(Agreement::is_credible) else {
+        let Some(mut agreement) = agreement.filter(Agreement::is_credible) else {
             return self.refused(pose);
         };
         let nis = agreement.noise * agreement.noise;
@@ -244,19 +250,35 @@ impl Estimator {
         let turned = agreement.rotation.norm();
         let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
         let explained = missed.is_some_and(|m| m.explains(&agreement));
-        if explained || possible && self.pass_position(pose) {
-            self.believe(&agreement, modelled);
+        let drifted = possible && !modelled && self.drifted(&agreement, since);
+        if drifted {
+            agreement.rate = agreement.rotation / since;
+            agreement.deviation.gyro_bias = turned / since;
+        }
+        if explained || drifted || possible && self.pass_position(pose) {
+            self.believe(&agreement, modelled || drifted);
             self.head.trust.accept(pose.time, nis);
             return Outcome::Accepted;
         }
         self.refused(pose)
     }
 
-    /// The largest error of the state after doubtful samples.
-    fn missed(&self, doubt: &Doubt) -> Missed {
-        let [position, velocity, _] = self.head.state.deviations();
-        let fast = doubt.velocity + DEVIATIONS * velocity;
-        Missed { position: fast * doubt.age + DEVIATIONS * position, velocity: fast }
+    /// Whether a wrong bias of the gyro for `since` seconds explains what poses say: the rotation of the state has drifted,
+    /// therefore also the direction of gravity, and with it velocity and position.
+    fn drifted(&self, agreement: &Agreement, since: f64) -> bool {
+        let [position, velocity, _] = self.head.state.deviations().map(|d| DEVIATIONS * d);
+        let drift_w = agreement.rotation.cross(&(crate::GRAVITY * Vector3::z()));
+        let like = |found: &Vector3, drift: Vector3, deviation: f64| {
+            (found - drift).norm() < LIKE * drift.norm() + deviation
+        };
+        like(&agreement.position, drift_w * (since * since / 6.0), position)
+            && like(&agreement.velocity, drift_w * (since / 2.0), velocity)
+    }
+
+    /// The largest error of the state after doubtful samples, `since` seconds after the last pose that agreed.
+    fn missed(&self, doubt: &Doubt, since: f64) -> Missed {
+        let [position, velocity, _] = self.head.state.deviations().map(|d| DEVIATIONS * d);
+        Missed { position: doubt.position + velocity * since + position, velocity: doubt.velocity + velocity }
     }
 
     /// The position of a pose that contradicts the state may still be good.
@@ -265,7 +287,7 @@ impl Estimator {
     }
 
     /// Replaces the state by that of poses that agree with each other.
-    fn believe(&mut self, agreement: &Agreement, modelled: bool) {
+    fn believe(&mut self, agreement: &Agreement, wrong_rate: bool) {
         let state = &mut self.head.state;
         let before = state.mean;
         let mean = Navigation {
@@ -275,8 +297,8 @@ impl Estimator {
             ..before
         };
         state.restart(mean, &agreement.deviation);
-        if modelled {
-            // While a model replaces the IMU, the rate of the model is wrong.
+        if wrong_rate {
+            // The rate of the gyro, or of the model that replaces it, is wrong.
             state.set_gyro_bias(&crate::ukf::GyroBias {
                 mean_i: before.gyro_bias_i - before.rotation_wi.transpose() * agreement.rate,
                 deviation: agreement.deviation.gyro_bias,

@@ -107,6 +107,73 @@ fn what_was_refused_is_not_believed_after_a_gap() {
     }
 }
 
+/// Poses of another body that begin soon after a pose that agreed are not believed because some samples are missing: the vehicle
+/// cannot have come there since that pose. Nor because flipped bits look like a blow.
+#[test]
+fn missing_samples_explain_only_what_can_be_flown_since_the_last_pose() {
+    let away = Vector3::new(0.5, 0.6, 0.1);
+    let turn = so3::exp(&Vector3::new(0.0, 0.1, 0.4));
+    for flipped in [false, true] {
+        let mut recording = recording(14, 3.5);
+        let mut poses = recording.poses.clone();
+        for pose in poses.iter_mut().filter(|p| (2.0..2.5).contains(&p.time)) {
+            pose.position_w += away;
+            pose.rotation_wr = turn * pose.rotation_wr;
+        }
+        let imu = recording.imu.clone();
+        for (k, (at, _, force)) in imu.iter().enumerate().filter(|(_, s)| (1.9..2.4).contains(&s.0)) {
+            if flipped && k % 20 == 0 {
+                recording.imu[k].2.y += if k % 40 == 0 { 60.0 } else { -60.0 };
+            } else if !flipped && (at * 20.0) as u32 % 2 == 0 {
+                recording.imu[k].2 = Vector3::new(f64::NAN, force.y, force.z);
+            }
+        }
+        let mut estimator = Estimator::new(params()).unwrap();
+        run(&mut estimator, &recording, &poses, |e, k| {
+            let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
+            let error = (e.robot_state().position_w - truth.position_w).norm();
+            assert!(error < 0.25, "{flipped} {time}: {error}");
+            let age = e.health().position_age + time - e.time();
+            assert!(!(2.1..2.5).contains(&time) || age > time - 2.02, "{flipped} {time}: {age}");
+            assert!(time < 3.0 || error < 0.01, "{flipped} {time}: {error}");
+        });
+    }
+}
+
+/// While no poses come, the gyro's bias steps, so that the direction of gravity drifts. The poses that return show this in their
+/// rotations, positions and velocities together, and are believed; those of a displaced body are not.
+#[test]
+fn a_drift_of_the_gyro_is_found_in_the_poses_that_return() {
+    for displaced in [false, true] {
+        let mut recording = recording(15, 5.0);
+        let step = Vector3::new(0.08, -0.1, 0.03);
+        for sample in recording.imu.iter_mut().filter(|s| s.0 > 2.0) {
+            sample.1 += step;
+        }
+        let away = if displaced { Vector3::new(0.5, 0.5, 0.0) } else { Vector3::zeros() };
+        let mut poses: Vec<_> =
+            recording.poses.iter().filter(|p| !(2.0..2.9).contains(&p.time)).copied().collect();
+        for pose in poses.iter_mut().filter(|p| p.time > 2.0) {
+            pose.position_w += away;
+        }
+        let mut estimator = Estimator::new(params()).unwrap();
+        let (mut drift, mut known) = (0.0f64, Vector3::zeros());
+        run(&mut estimator, &recording, &poses, |e, k| {
+            let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
+            let error = (e.robot_state().position_w - truth.position_w).norm();
+            known = if time < 2.0 { e.gyro_bias() } else { known };
+            drift = if time < 2.9 { drift.max(error) } else { drift };
+            assert!(displaced || time < 3.2 || error < 0.02, "{time}: {error}");
+            assert!(
+                !displaced || !(2.9..3.4).contains(&time) || e.health().position_age > time - 2.02,
+                "{time}"
+            );
+        });
+        assert!(drift > 0.05, "{drift}");
+        assert!(displaced || (estimator.gyro_bias() - known - step).norm() < 0.01);
+    }
+}
+
 /// A gyro that is badly scaled and aligned: its poses' rotations are not locked out, the errors are those without a gate.
 #[test]
 fn a_wrong_gyro_does_not_lock_rotations_out() {
