@@ -41,8 +41,10 @@ const UNDOUBTED: f64 = 1.0;
 /// A rotation that poses contradict may be wrong by this much for each second since the last pose that agreed, rad/s.
 const TURN_RATE: f64 = 0.3;
 
-/// A motion is like the one that a drift of the gyro explains if it differs by less than this share of it.
+/// A motion is like the one that an error of the IMU explains if it differs by less than this share of it.
 const LIKE: f64 = 0.5;
+/// Largest step of the accelerometer's bias, m/s^2.
+const STEP: f64 = 1.5;
 /// No blow throws a vehicle away faster than this, m/s.
 const FASTEST: f64 = 10.0;
 
@@ -255,7 +257,8 @@ impl Estimator {
             agreement.rate = agreement.rotation / since;
             agreement.deviation.gyro_bias = turned / since;
         }
-        if explained || drifted || possible && self.pass_position(pose) {
+        let accelerated = lasting && self.accelerated(&agreement, since);
+        if explained || drifted || accelerated || possible && self.pass_position(pose) {
             self.believe(&agreement, modelled || drifted);
             self.head.trust.accept(pose.time, nis);
             return Outcome::Accepted;
@@ -275,10 +278,26 @@ impl Estimator {
             && like(&agreement.velocity, drift_w * (since / 2.0), velocity)
     }
 
+    /// Whether a step of the accelerometer's bias in the last `since` seconds explains what poses say: velocity and position
+    /// differ along one line, as after a constant acceleration, and the rotation does not.
+    fn accelerated(&self, agreement: &Agreement, since: f64) -> bool {
+        let [position, _, rotation] = self.head.state.deviations().map(|d| DEVIATIONS * d);
+        let (far, fast) = (agreement.position, agreement.velocity);
+        let time = 2.0 * far.dot(&fast) / fast.norm_squared();
+        let aside = (far - fast * (0.5 * time)).norm();
+        (0.0..=since).contains(&time)
+            && fast.norm() > agreement.deviation.velocity
+            && fast.norm() < STEP * time
+            && aside < LIKE * far.norm() + position
+            && agreement.rotation.norm() < agreement.deviation.rotation + rotation
+    }
+
     /// The largest error of the state after doubtful samples, `since` seconds after the last pose that agreed.
     fn missed(&self, doubt: &Doubt, since: f64) -> Missed {
         let [position, velocity, _] = self.head.state.deviations().map(|d| DEVIATIONS * d);
-        Missed { position: doubt.position + velocity * since + position, velocity: doubt.velocity + velocity }
+        // What the vehicle has struck meanwhile throws it back, at most.
+        let fast = velocity + 2.0 * self.head.state.mean.velocity_w.norm();
+        Missed { position: doubt.position + fast * since + position, velocity: doubt.velocity + fast }
     }
 
     /// The position of a pose that contradicts the state may still be good.
