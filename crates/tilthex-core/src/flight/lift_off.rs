@@ -31,6 +31,9 @@ const REVERSED: (f64, f64) = (0.02, 0.5);
 const FAST: (f64, f64) = (2.0, 4.0);
 const LOW: f64 = 0.1;
 
+/// After a longer interval without a sample, s, nobody has felt how the vehicle moved: the comparison begins again.
+const MISSED: f64 = 0.02;
+
 /// The watch of the first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LiftOff {
@@ -55,6 +58,10 @@ impl LiftOff {
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
     pub(super) fn feel(&mut self, state: &Navigation, specific_force_i: &Vector3, time: f64, dt: f64) {
         if let Some(witness) = &mut self.witness {
+            if dt > MISSED {
+                *witness = Witness::again(time);
+                return;
+            }
             let felt_w = state.rotation_wi * (specific_force_i - state.accelerometer_bias_i);
             witness.feel(&(felt_w - Vector3::new(0.0, 0.0, GRAVITY)), time, dt);
         }
@@ -204,6 +211,31 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
+        /// A program that stands still misses samples; then all poses of that time come at once. This is no delay of the poses.
+        #[test]
+        fn missed_samples_are_no_delay(begin in 0.5f64..1.0, length in 0.1f64..0.3, rate in 6.0f64..11.0) {
+            let sway = |t: f64, rate: f64| 0.02 * t.min(1.0) * (1.0 - libm::cos(rate * t));
+            let way = |t: f64| Vector3::new(sway(t, rate), sway(t, 6.3), sway(t, 4.0));
+            let (mut watch, state, mut last, mut waiting) = (LiftOff::default(), Navigation::ORIGIN, 0.0, std::vec::Vec::new());
+            watch.begin();
+            for k in 1..1000 {
+                let time = 0.002 * f64::from(k);
+                if k % 5 == 0 {
+                    let (position_w, rotation_wr) = (way(time), Matrix3::identity());
+                    waiting.push(PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true });
+                }
+                if (begin..begin + length).contains(&time) {
+                    continue;
+                }
+                let felt_w = (way(time + 1e-3) - way(time) * 2.0 + way(time - 1e-3)) / 1e-6;
+                watch.feel(&state, &(felt_w + Vector3::new(0.0, 0.0, GRAVITY)), time, time - last);
+                last = time;
+                waiting.drain(..).for_each(|pose| watch.see(&pose));
+                let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
+                prop_assert!(told.late.is_none() && !told.mirrored, "{time} {told:?}");
+            }
+        }
+
         #[test]
         fn poses_are_corrected_by_what_was_found_and_only_then(
             late in 0.04f64..0.3, yaw in 0.5f64..3.0, time in 0.0f64..9.0

@@ -38,6 +38,9 @@ const HOLDS: f64 = 0.6;
 /// A pose that comes earlier than this after the last one, s, is not used.
 const SPARSE: f64 = 0.008;
 
+/// A comparison that begins in motion tells nothing before this time, s.
+const AGAIN: f64 = 1.0;
+
 /// What the comparison shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Told {
@@ -59,6 +62,8 @@ pub(super) struct Witness {
     newest: usize,
     time: f64,
     now: f64,
+    /// Before this time, s, nothing was felt; before a take-off the vehicle rests.
+    begin: f64,
     /// Where the first pose was, m, world, and the last ones, newest first.
     from_w: Option<Vector3>,
     seen: [(f64, Vector3); SEEN],
@@ -83,6 +88,7 @@ impl Default for Witness {
             newest: 0,
             time: 0.0,
             now: 0.0,
+            begin: f64::NEG_INFINITY,
             from_w: None,
             seen: [(f64::NEG_INFINITY, zero); SEEN],
             products: [Matrix3::zeros(); DELAYS],
@@ -96,6 +102,11 @@ impl Default for Witness {
 }
 
 impl Witness {
+    /// A comparison that begins in motion, at a time, s.
+    pub(super) fn again(now: f64) -> Self {
+        Self { begin: now, ..Self::default() }
+    }
+
     /// Takes an acceleration, m/s^2, world, for the `dt` s up to `now`, s.
     pub(super) fn feel(&mut self, acceleration_w: &Vector3, now: f64, dt: f64) {
         self.velocity_w += acceleration_w * dt;
@@ -115,6 +126,9 @@ impl Witness {
 
     /// Position of the vehicle by the accelerometer at a time, s, if it is still kept.
     fn felt_at(&self, time: f64) -> Option<Vector3> {
+        if time < self.begin {
+            return None;
+        }
         if time >= self.time {
             return (time <= self.now).then(|| self.position_w - self.velocity_w * (self.now - time));
         }
@@ -185,6 +199,9 @@ impl Witness {
 
     /// What the observations show.
     pub(super) fn tells(&self) -> Told {
+        if self.now < self.begin + AGAIN {
+            return Told::default();
+        }
         let Some((steps, size, at_once, p)) = self.best().filter(|best| best.1 > TELLS) else {
             return Told::default();
         };

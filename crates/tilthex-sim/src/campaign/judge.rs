@@ -22,6 +22,8 @@ const THROWN: f64 = 4.0;
 /// A vehicle that no command reaches for this time, s, is not controlled: its rotors hold their last speeds. If it turns over
 /// meanwhile by more than this, deg, it cannot carry itself.
 const UNHEARD: (f64, f64) = (0.1, 60.0);
+/// Rotors that cannot balance this many times a push have nothing left to stop the motion that the push has begun.
+const SPARE: f64 = 1.1;
 /// Largest allowed speed of a vehicle that can carry itself, m/s.
 const FAST: f64 = 3.5;
 /// Largest height above the start at which motors may be stopped, m.
@@ -237,20 +239,20 @@ impl Judge {
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
     }
 
-    /// Whether the rotors can balance what pushes the vehicle now in no attitude: neither level, nor with their common thrust
-    /// along the force that they need. A vehicle whose fault takes lift balances no push.
+    /// Whether the rotors can balance [`SPARE`] times what pushes the vehicle now in no attitude: neither level, nor with
+    /// their common thrust along the force that they need. A vehicle whose fault takes lift balances no push.
     fn overwhelms(&self, world: &World) -> bool {
         let vehicle = world.simulation.vehicle();
         let pushed_w = pushed_w(world);
         if pushed_w == Vector3::zeros() {
             return false;
         }
-        let needed_w = Vector3::z() * vehicle.weight() - pushed_w;
+        let needed_w = Vector3::z() * vehicle.weight() - pushed_w * SPARE;
         let axis_w = Vector3::z().cross(&needed_w);
         let angle = axis_w.norm().atan2(needed_w.z);
         let tilted = axis_w.try_normalize(0.0).map_or(Vector3::zeros(), |axis_w| axis_w * angle);
-        let at_tool_w = world.simulation.pressed_tool_w().force;
-        let at_body_r = world.simulation.disturbance().torque;
+        let at_tool_w = world.simulation.pressed_tool_w().force * SPARE;
+        let at_body_r = world.simulation.disturbance().torque * SPARE;
         let balances = |rotation_wr| {
             let to_r = so3::exp(&rotation_wr).transpose();
             let torque = -vehicle.tool().position_r.cross(&(to_r * at_tool_w)) - at_body_r;
