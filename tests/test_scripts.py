@@ -173,15 +173,21 @@ def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
     def completed(*words):
         line = " ".join(f"'{word}'" for word in words)
         call = f"source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _shtab_tilthex; "
-        done = subprocess.run(
-            [bash, "-c", call + 'printf "%s\\n" "${COMPREPLY[@]}"'], capture_output=True, text=True
-        )
+        call += 'printf "%s\\n" "${COMPREPLY[@]}"'
+        done = subprocess.run([bash, "-c", call], cwd=tmp_path, capture_output=True, text=True)
         return set(done.stdout.split())
 
     assert {"check", "experiment", "new", "doctor", "view"} <= completed("tilthex", "")
     assert completed("tilthex", "ex") == {"excite", "experiment"}
     assert "--json" in completed("tilthex", "check", "--j")
     assert completed("tilthex", "new", "") == {"vehicle", "experiment"}
+    for name in ("sloop.toml", "flight.mcap", "secret"):
+        (tmp_path / name).touch()
+    assert completed("tilthex", "experiment", "sl") == {"sliding", "sloop.toml"}
+    assert completed("tilthex", "experiment", "sliding", "--truth", "cad") == {"cad"}
+    assert {"tilt-hex", "sloop.toml"} <= completed("tilthex", "check", "")
+    assert completed("tilthex", "view", "fl") == {"flight.mcap"}
+    assert completed("tilthex", "view", "--token-file", "se") == {"secret"}
 
 
 def test_the_doctor_as_json_has_every_check(capfd):

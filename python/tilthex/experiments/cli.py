@@ -35,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
         help="fly an experiment of the paper with the world simulated by MuJoCo",
         description="Flies an experiment with the complete controller in the loop and writes a report.",
     )
-    parser.add_argument("name", help=f"{', '.join(_names())}, all, or a TOML file")
+    parser.add_argument("name", help=f"{', '.join(built_in())}, all, or a TOML file")
     parser.add_argument("--out", type=Path, default=Path("out/experiments"), help="folder of the report")
     parser.add_argument(
         "--state",
@@ -272,7 +272,7 @@ def _truths(runs: Sequence[Run]) -> list[str]:
     return [f"# {name}\n{run.drawn().to_toml()}" for name, run in drawn.items()]
 
 
-def _names() -> list[str]:
+def built_in() -> list[str]:
     """The built-in experiments; does not import their modules."""
     return sorted(path.stem for path in Path(__file__).parent.glob("*.toml"))
 
