@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,15 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
 
+import mujoco
+import tilthex
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from test_experiments_world import world_at
-from tilthex.experiments import own_scene, spec
+from tilthex.experiments import own_scene, report, spec, video
+from tilthex.experiments.flight import fly
+from tilthex.experiments.record import Check
 from tilthex.experiments.scenes import Scene
 
 BUTTON = """
@@ -47,6 +55,57 @@ def test_a_tip_presses_a_button_until_its_spring_bears_the_missing_lift(tmp_path
     assert wrench[2] == pytest.approx(5.0, abs=0.5)
     travel = float(data.joint("button").qpos[0])
     assert 1000.0 * travel == pytest.approx(wrench[2] + 0.05 * 9.81, rel=0.05)
+
+
+@pytest.mark.parametrize("truth", ["exact", "cad"])
+def test_the_record_has_the_joints_of_the_scene(tmp_path: Path, truth: str) -> None:
+    """A ball falls; the rod of the second vehicle bends, and has joints of its own."""
+    ball = """<mujoco><worldbody><body name="ball" pos="3 0 9"><joint type="slide" axis="0 0 1"/>
+        <geom size="0.1" mass="1"/></body></worldbody></mujoco>"""
+    run = written(tmp_path, "ball.xml", ball)
+    record = fly(replace(run, truth=truth, waypoints=(replace(run.waypoints[0], hold=0.2),)))
+    assert record.scene_joints.shape == (len(record.time), 1)
+    np.testing.assert_allclose(record.scene_joints[:, 0], -0.5 * 9.81 * record.time**2, atol=0.01)
+    assert record.scene_joints[-1, 0] < -0.15
+
+
+def in_picture(points: np.ndarray, camera: mujoco.MjvCamera, size: tuple[int, int]) -> np.ndarray:
+    """Where MuJoCo draws points, from -1 (left, bottom) to 1 (right, top): (n, 2)."""
+    model = mujoco.MjModel.from_xml_string("<mujoco/>")
+    scene = mujoco.MjvScene(model, 10)
+    options, everything = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL.value
+    mujoco.mjv_updateScene(model, mujoco.MjData(model), options, None, camera, everything, scene)
+    left, right = scene.camera
+    at, forward, up = 0.5 * (left.pos + right.pos), left.forward, left.up
+    top = left.frustum_top / left.frustum_near
+    away = points - at
+    across = np.column_stack([away @ np.cross(forward, up) * size[0] / size[1], away @ up])
+    return across / (away @ forward)[:, None] / top
+
+
+@settings(max_examples=25)
+@given(
+    name=st.sampled_from(tilthex.Vehicle.presets()),
+    turned=st.sampled_from([[0.0, 0.0, 0.0], [0.0, -90.0, 0.0], [180.0, 0.0, 0.0]]),
+    seed=st.integers(0, 2**32 - 1),
+    size=st.sampled_from([(480, 640), (640, 480), (120, 200)]),
+)
+def test_a_camera_sees_the_whole_vehicle_all_the_time(name, turned, seed, size) -> None:
+    vehicle = tilthex.Vehicle.preset(name).replace(tool_rotation_deg=turned)
+    draws = np.random.default_rng(seed)
+    positions = draws.uniform(-2.0, 2.0, (7, 3))
+    rotations = Rotation.from_rotvec(draws.normal(0.0, 0.3, (7, 3))).as_matrix()
+    camera = video.camera(vehicle, positions, rotations, size)
+    parts = [vehicle.tool_position, *(rotor["position"] for rotor in vehicle.rotors)]
+    seen = in_picture(np.vstack([positions + rotations @ np.array(part) for part in parts]), camera, size)
+    assert 0.6 < np.abs(seen).max() < 1.0
+    if turned[1]:
+        # It looks along the tool, not against it: what the tool touches does not hide the vehicle.
+        forward = rotations.mean(axis=0)[:, 0]
+        assert (
+            np.cos(np.radians(camera.azimuth)) * forward[0] + np.sin(np.radians(camera.azimuth)) * forward[1]
+            > 0.3
+        )
 
 
 def test_a_scene_of_a_module_gets_the_keys_of_the_world(tmp_path: Path) -> None:
@@ -91,3 +150,10 @@ def test_what_is_no_scene_is_refused_in_one_sentence(tmp_path, name, text, keys,
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"gone\.xml'; expected a file that exists"):
         own_scene.load(tmp_path / "gone.xml", {})
+
+
+def test_a_report_without_checks_says_where_they_come_from() -> None:
+    said = report.text_table([])
+    assert "a module beside the file" in said and said in report.table([])
+    one = Check("error", "at most 1 mm", "", "0.5 mm", True)
+    assert "required" in report.text_table([one]) and "no checks" not in report.table([one])

@@ -24,6 +24,9 @@ Vector = NDArray[np.float64]
 TOOL_RADIUS = 0.003
 """Radius of the tool's rod, m; its tip is a half-sphere about the tool's origin."""
 
+ROTOR_RADIUS = 0.12
+"""Radius of the discs that show the rotors, m."""
+
 TIMESTEP = 0.001
 """Time step, s."""
 
@@ -145,6 +148,9 @@ def to_mjcf(
     visual = ET.SubElement(model, "visual")
     ET.SubElement(visual, "global", offwidth="1280", offheight="960")
     ET.SubElement(visual, "map", znear="0.002")
+    ET.SubElement(visual, "headlight", ambient="0.35 0.35 0.35", diffuse="0.4 0.4 0.4", specular="0 0 0")
+    sky = {"type": "skybox", "builtin": "gradient", "rgb1": "0.98 0.98 1", "rgb2": "0.6 0.72 0.88"}
+    ET.SubElement(ET.SubElement(model, "asset"), "texture", sky, width="64", height="384")
     body = ET.SubElement(model, "worldbody")
     ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")
     turned = np.eye(3) if rotation is None else rotation
@@ -228,6 +234,12 @@ def _looks(body: ET.Element, vehicle: Vehicle, rod_end: Vector) -> None:
             ET.SubElement(body, "geom", dark, size="0.008", fromto=numbers((0, 0, 0, *place)))
         disc = numbers((*place, *(place + 0.004 * axis)))
         ET.SubElement(
-            body, "geom", unseen, type="cylinder", size="0.12", fromto=disc, rgba="0.2 0.5 0.8 0.35"
+            body,
+            "geom",
+            unseen,
+            type="cylinder",
+            size=repr(ROTOR_RADIUS),
+            fromto=disc,
+            rgba="0.2 0.5 0.8 0.35",
         )
     ET.SubElement(body, "geom", dark, size="0.004", fromto=numbers((*rod_end, 0, 0, 0)))

@@ -127,12 +127,11 @@ def _pictures(flown: Flown, step: float, size: tuple[int, int]) -> Iterator[Any]
 
     model = mujoco.MjModel.from_xml_string(to_mjcf(flown.config.vehicle, free_air().elements))
     data = mujoco.MjData(model)
-    path = np.array([sample.robot.position for sample in flown.thinned(200)])
-    path = path[np.isfinite(path).all(axis=1)]
-    if not len(path):
+    robots = [sample.robot for sample in flown.thinned(200) if np.isfinite(sample.robot.position).all()]
+    if not robots:
         raise ValueError("the log has no pose of the vehicle; expected a flight")
-    low, high = path.min(axis=0), path.max(axis=0)
-    camera = video.camera(0.5 * (low + high), 1.4 + float(np.linalg.norm(high - low)))
+    positions, rotations = (np.array([getattr(one, of) for one in robots]) for of in ("position", "rotation"))
+    camera = video.camera(flown.config.vehicle, positions, rotations, size[::-1])
     with video.renderer(model, size[::-1]) as drawing:
         # The last picture shows the last record.
         for k in range(math.ceil(flown.times[-1] / step) + 1):

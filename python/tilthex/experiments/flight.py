@@ -47,7 +47,8 @@ def fly(
     hovers, way_down = calibration(run, start) if controller is None else ([], [])
     first = hovers[0] if hovers else start
     world = world_at(run, drawn, first)
-    record = Record.blank(len(plan.setpoints), vehicle.rotor_count, plan.phases, run.name)
+    joints = len(world.scene_joints)
+    record = Record.blank(len(plan.setpoints), vehicle.rotor_count, joints, plan.phases, run.name)
     rows = record.columns
     chain.initialize(0.0, world.captured_position, world.rotation)
     push = np.array(run.push.get("force", (0.0, 0.0, 0.0)), dtype=float)
@@ -79,6 +80,7 @@ def fly(
         rows["true_wrench"][k], rows["largest_contact"][k], rows["pressure"][k] = world.true_wrench()
         rows["peak_force"][k] = world.peak_force
         rows["rotor_speeds"][k] = world.rotor_speeds
+        rows["scene_joints"][k] = world.scene_joints
         if progress is not None and k % 250 == 249:
             progress(250)
         away = tool - start.position

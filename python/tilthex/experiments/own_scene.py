@@ -28,7 +28,7 @@ def load(path: Path, options: Mapping[str, Any]) -> Scene:
     Args:
         path: An MJCF file (`.xml`), whose bodies and geoms are added to the world, or a Python module
             (`.py`). Its function `scene` gets the options, and returns a `Scene` or the text of MJCF.
-        options: The other keys of `[world]`. `look_at`, m, is the point at which a camera looks.
+        options: The other keys of `[world]`. `look_at`, m, is the point at which the camera of a video looks.
 
     Raises:
         ValueError: The file cannot be read, or holds no scene; one sentence.

@@ -24,9 +24,16 @@ COLUMNS: dict[str, tuple[int, ...]] = {
     "largest_contact": (),
     "pressure": (3,),
     "rotor_speeds": (),
+    "scene_joints": (),
 }
 """The columns of the true values: name and shape. The columns of `tilthex.Loop.record`, `tool_rotation`
-and `phase` are added. The wrench is that on the tool, about its origin, W."""
+and `phase` are added. The wrench is that on the tool, about its origin, W. `scene_joints` are the coordinates
+of the joints of a scene of your own, m and rad, in the order of its file: as MuJoCo has them."""
+
+
+def shapes(rotors: int, joints: int) -> dict[str, tuple[int, ...]]:
+    """The columns of the true values for these numbers of rotors and of coordinates of the scene."""
+    return COLUMNS | {"rotor_speeds": (rotors,), "scene_joints": (joints,)}
 
 
 @dataclass
@@ -46,10 +53,10 @@ class Record:
     """Time that the computation took, s."""
 
     @classmethod
-    def blank(cls, length: int, rotors: int, phases: Sequence[str], run: str) -> Record:
+    def blank(cls, length: int, rotors: int, joints: int, phases: Sequence[str], run: str) -> Record:
         """A record without values."""
-        shapes = COLUMNS | {"rotor_speeds": (rotors,)}
-        return cls({name: np.zeros((length, *shape)) for name, shape in shapes.items()}, phases, run)
+        columns = {name: np.zeros((length, *shape)) for name, shape in shapes(rotors, joints).items()}
+        return cls(columns, phases, run)
 
     def __getattr__(self, name: str) -> Vector:
         """A column by its name."""

@@ -88,8 +88,13 @@ def overview(record: Record) -> Any:
     return figure
 
 
+NO_CHECKS = "no checks: a module beside the file judges its flights (docs/howto/experiment.md)"
+
+
 def table(checks: Sequence[Check]) -> str:
     """The checks as an HTML table."""
+    if not checks:
+        return f"<p>{NO_CHECKS}</p>"
     rows = ["<tr><th>what<th>required<th>paper<th>measured<th>"]
     for check in checks:
         mark = {True: '<td class="pass">pass', False: '<td class="short">falls short', None: "<td>"}[
@@ -102,6 +107,8 @@ def table(checks: Sequence[Check]) -> str:
 
 def text_table(checks: Sequence[Check]) -> str:
     """The checks for a terminal."""
+    if not checks:
+        return NO_CHECKS
     rows = [("", "what", "required", "paper", "measured")]
     for check in checks:
         mark = {True: "pass", False: "FALLS SHORT", None: "-"}[check.passed]

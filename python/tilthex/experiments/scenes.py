@@ -33,8 +33,8 @@ class Scene:
     """Orientation of the scene: maps its coordinates (z along plane normal or hole axis) to W."""
     origin: Vector = field(default_factory=lambda: np.zeros(3))
     """A point of the plane, or the middle of the entrance of the tube, m, W."""
-    look_at: tuple[float, float, float] = (0.0, 0.0, 0.5)
-    """The point at which a camera looks, m, W."""
+    look_at: tuple[float, float, float] | None = None
+    """The point at which a camera looks, m, W; the middle of the flight if it is missing."""
 
     def along(self, points: Vector) -> Vector:
         """Points of W in the scene's coordinates, one per row."""
@@ -52,7 +52,7 @@ def plane(*, point: list[float], tilt_deg: list[float], friction: float = 0.2, s
     board = ET.Element("body", name="board", pos=numbers(point), quat=quaternion(rotation))
     contact_geom(board, friction, type="box", size=f"{size} {size} 0.02", pos="0 0 -0.02", rgba=WOOD)
     at = np.array(point)
-    return Scene((floor(), board), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), board), rotation=rotation, origin=at)
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def funnel(
     end = numbers((0.0, 0.0, -size.depth - 0.005))
     contact_geom(body, friction, type="cylinder", pos=end, size=f"{tube + wall} 0.005", rgba=METAL)
     at = np.array(entrance)
-    return Scene((floor(), body), rotation=rotation, origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), body), rotation=rotation, origin=at)
 
 
 def plate_with_ledges(
@@ -142,7 +142,7 @@ def plate_with_ledges(
             size=numbers((*half, tall)),
             rgba=METAL,
         )
-    return Scene((floor(), plate), origin=at, look_at=(at[0], at[1], at[2]))
+    return Scene((floor(), plate), origin=at)
 
 
 def clamp(*, stiffness_time: float = 0.004) -> Scene:
@@ -170,5 +170,5 @@ SCENES: dict[str, Callable[..., Scene]] = {
 
 def floor() -> ET.Element:
     """A visible floor below everything, without contact."""
-    look = {"contype": "0", "conaffinity": "0", "rgba": "0.9 0.9 0.88 1"}
-    return ET.Element("geom", look, name="floor", type="plane", size="2 2 0.1")
+    look = {"contype": "0", "conaffinity": "0", "rgba": "0.7 0.71 0.7 1"}
+    return ET.Element("geom", look, name="floor", type="plane", size="0 0 0.1")

@@ -192,6 +192,11 @@ class World:
             return twist[3:]
         return self.velocity + self.rotation @ np.cross(self.angular_velocity, self.tool_offset)
 
+    @property
+    def scene_joints(self) -> Vector:
+        """Coordinates of the joints of the scene, m and rad, in the order of its file."""
+        return np.asarray(self.data.qpos[9 if self._bends else 7 :])
+
     def step(self, rotor_command: Vector, period: float = PERIOD) -> None:
         """Advances by one control period, s, under commanded rotor speeds, Hz."""
         data, sums, peak, before = self.data, np.zeros(3), 0.0, self.data.qvel[:3].copy()

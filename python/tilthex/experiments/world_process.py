@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex.experiments import stand
-from tilthex.experiments.record import COLUMNS
+from tilthex.experiments.record import shapes
 from tilthex.experiments.spec import Run, load
 from tilthex.experiments.world import World
 from tilthex.mjcf import TIMESTEP
@@ -44,8 +44,8 @@ CHUNK = 8192
 class Truth:
     """The true values at the end of every cycle: the columns of a record, and the monotonic time, ns."""
 
-    def __init__(self, rotors: int) -> None:
-        self._shapes = COLUMNS | {"rotor_speeds": (rotors,)}
+    def __init__(self, world: World) -> None:
+        self._shapes = shapes(world.vehicle.rotor_count, len(world.scene_joints))
         self._chunks: list[dict[str, Vector]] = []
         self._times: list[int] = []
 
@@ -53,8 +53,7 @@ class Truth:
         """Adds the present state of the world, with the wrench on its tool."""
         row = len(self._times) % CHUNK
         if row == 0:
-            shapes = self._shapes.items()
-            self._chunks.append({name: np.zeros((CHUNK, *shape)) for name, shape in shapes})
+            self._chunks.append({name: np.zeros((CHUNK, *shape)) for name, shape in self._shapes.items()})
         self._times.append(at)
         rows = self._chunks[-1]
         rows["time"][row] = 1e-9 * at
@@ -68,6 +67,7 @@ class Truth:
         rows["largest_contact"][row] = largest
         rows["pressure"][row] = pressure
         rows["rotor_speeds"][row] = world.rotor_speeds
+        rows["scene_joints"][row] = world.scene_joints
 
     def save(self, path: Path) -> None:
         """Writes a NumPy archive."""
@@ -201,7 +201,7 @@ def main() -> int:
         print(error, file=sys.stderr)
         return 2
     if arguments.truth is not None:
-        stepper.truth = Truth(stepper.world.vehicle.rotor_count)
+        stepper.truth = Truth(stepper.world)
     # A garbage collection would make a cycle late; this program makes no reference cycles.
     gc.disable()
     with contextlib.suppress(OSError):
