@@ -143,6 +143,12 @@ def experiment(path: Path) -> str:
             f"tilt_deg = [{tilt:g}, 0.0]  # about x, then about y\n"
             f"friction = {friction:g}"
         )
+    beyond = ""
+    if scene != "free":
+        what = (
+            "behind the surface" if scene == "plane" else "to change: a place behind a surface of the scene"
+        )
+        beyond = f"  # {what}, so that the spring of the stiffness presses the tool on it"
     hold = number("how long the tool stays there, s", 5.0)
     seed = round(number("seed of the sensors' noise", 1.0))
     # A text of JSON is one of TOML.
@@ -164,17 +170,17 @@ stiffness = [10.0, 10.0, 10.0, 10.0, 10.0, 5.0]  # N/m and N m/rad
 [world]
 {world}
 
-# Each way-point is reached and left at rest: position, m; rpy_deg, degrees; duration of the way to it, s;
-# hold, s. What a way-point does not name stays as it was.
+# Each way-point is reached and left at rest: position of the tool's tip, m; rpy_deg of the tool, degrees;
+# duration of the way to it, s; hold, s. What a way-point does not name stays as it was.
 [[trajectory.waypoint]]
 phase = "approach"
 position = [0.0, 0.0, {0.6 if scene == "plane" else 1.0}]
-rpy_deg = {turned}  # of the tool; as it is mounted, so that the vehicle hovers level
+rpy_deg = {turned}  # as the tool is mounted, so that the vehicle hovers level
 hold = 2.0
 
 [[trajectory.waypoint]]
 phase = "{"hover" if scene == "free" else "contact"}"
-position = [0.0, 0.0, {tip:g}]
+position = [0.0, 0.0, {tip:g}]{beyond}
 duration = 5.0
 hold = {hold:g}
 
