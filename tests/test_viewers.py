@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from tilthex import __main__ as command
-from tilthex import _foxglove, convert, log
+from tilthex import _foxglove, convert, log, plot
 from tilthex._quaternions import quaternion_from_rotation, rotations_from_quaternions
 from tilthex.view.geometry import cylinders, turn
 
@@ -166,6 +166,24 @@ def test_a_plot_is_vector_graphics_by_its_name(path, tmp_path, capsys):
     document = pdf.read_bytes()
     assert document.startswith(b"%PDF") and b"/FontFile2" in document and b"/Subtype /Image" not in document
     drawing = svg.read_text()
-    assert "tool force, N</text>" in drawing and "<image" not in drawing
+    assert all(f"{name}</text>" in drawing for name in plot.PANELS if "$" not in name)
+    assert "<image" not in drawing
+    # One legend, and the phases of the flight.
+    for entry in ("x", "set-point", "reference", "estimated", "true", "rotor 1", "rotor 6"):
+        assert drawing.count(f">{entry}</text>") == 1, entry
+    assert ">flying</text>" in drawing and ">landing</text>" in drawing
     assert command.main(["plot", str(path), "--out", str(tmp_path / "flight.doc")]) == 2
     assert "pdf" in capsys.readouterr().err
+
+
+@pytest.mark.real_time
+def test_a_plot_is_scaled_to_the_free_flight(path):
+    """The ground pushes harder at the landing than anything before it."""
+    drawn = plot.figure(path)
+    force = next(axes for axes in drawn.axes if axes.get_ylabel() == "tool force, N")
+    columns = log.read(path, ["/wrench", "/flight"])
+    values = columns["/wrench"]["tool_w.force"]
+    free = values[np.isin(columns["/flight"]["phase"], log.FREE_FLIGHT)]
+    low, high = force.get_ylim()
+    assert low < free.min() < free.max() < high < values.max()
+    assert high - low == pytest.approx(1.2 * np.ptp(free))

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import argparse
+import itertools
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tilthex import log
+import numpy as np
+from numpy.typing import NDArray
+
+from tilthex import Config, Vehicle, log
+from tilthex._quaternions import rotations_from_quaternions
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Array = NDArray[Any]
 OUT = "picture to write: .png, or .pdf or .svg for vector graphics (default: LOG with .png instead of .mcap)"
+PANELS = (
+    "tool position, m",
+    "roll, pitch, yaw, deg",
+    "position error, mm",
+    "rotation error $e_R$, 1",
+    "tool force, N",
+    "tool torque, N m",
+    "reference - set-point, mm",
+    "rotor speed, Hz",
+)
+COLOURS = ("tab:blue", "tab:red", "tab:orange")
+SHADES = {"flying": "#e3f4e3", "holding": "#e3ecfa", "landing": "#faf0dc", "emergency": "#f7e1e1"}
+"""Phases in the air. On the ground the paper is white."""
 TOPICS = ("/setpoint", "/reference", "/state", "/wrench", "/rotors", "/control", "/flight")
 
 
@@ -32,12 +51,15 @@ def _run(arguments: argparse.Namespace) -> None:
 
     # Letters stay letters, which can be searched and changed.
     with matplotlib.rc_context({"pdf.fonttype": 42, "svg.fonttype": "none"}):
-        drawn.savefig(out, dpi=120)
+        drawn.savefig(out, dpi=160)
     print(out)
 
 
 def figure(path: str | Path) -> Figure:
-    """Tool position, errors, wrenches and rotor speeds over time."""
+    """The panels of the paper's figures 8 and 12, as wide as a page, for the flight of a log.
+
+    Errors, force and torque are scaled to what they are in free flight: the ground at a landing exerts more.
+    """
     try:
         import matplotlib.pyplot as plt
     except ImportError as error:
@@ -46,51 +68,114 @@ def figure(path: str | Path) -> Figure:
         ) from error
 
     flight = log.Log(path)
-    topics = {topic: flight.columns(topic) for topic in TOPICS}
-    begin = topics["/flight"]["log_time"][0]
-    rows = 6
-    drawn, axes = plt.subplots(rows, 1, figsize=(9, 2.1 * rows), sharex=True, layout="constrained")
-
-    def lines(row: int, topic: str, name: str, style: str, label: str, keep: slice = slice(None)) -> None:
-        columns = topics[topic]
-        axes[row].set_prop_cycle(None)
-        for k, values in enumerate(columns[name].T[keep]):
-            letter = "xyz"[k] if columns[name].shape[1] == 3 else str(k + 1)
-            axes[row].plot(columns["log_time"] - begin, values, style, lw=1, label=f"{label} {letter}")
-
-    lines(0, "/setpoint", "position_w", ":", "set-point")
-    lines(0, "/reference", "position_w", "-", "reference")
-    axes[0].set_ylabel("tool position, m")
-    lines(1, "/control", "position_error_w", "-", "")
-    axes[1].set_ylabel("position error, m")
-    lines(2, "/control", "rotation_error_r", "-", "")
-    axes[2].set_ylabel("rotation error")
     # A simulated vehicle has true values in its log; a real one has none.
-    if "/truth" in flight.topics:
-        topics["/truth"] = flight.columns("/truth")
-        lines(3, "/truth", "tool_wrench_w.force", ":", "true")
-        lines(4, "/truth", "tool_wrench_w.torque", ":", "true")
-    lines(3, "/wrench", "tool_w.force", "-", "observed")
-    axes[3].set_ylabel("tool force, N")
-    lines(4, "/wrench", "tool_w.torque", "-", "observed")
-    axes[4].set_ylabel("tool torque, N m")
-    lines(5, "/rotors", "measured", "-", "rotor")
-    axes[5].set_ylabel("rotor speed, Hz")
-    axes[5].set_xlabel("time, s")
-    aloft = log.flying(topics["/flight"]["phase"])
-    for ax in axes:
-        ax.fill_between(
-            topics["/flight"]["log_time"] - begin,
-            0,
-            1,
-            where=aloft,
-            transform=ax.get_xaxis_transform(),
-            color="0.94",
-            lw=0,
+    topics = {name: flight.columns(name) for name in (*TOPICS, *({"/truth"} & set(flight.topics)))}
+    begin = topics["/flight"]["log_time"][0]
+    free = np.isin(topics["/flight"]["phase"], log.FREE_FLIGHT)
+    with plt.rc_context({"font.size": 8, "axes.labelsize": 8, "lines.linewidth": 0.8}):
+        drawn, axes = plt.subplots(4, 2, figsize=(7.2, 8.0), sharex=True, layout="constrained")
+        for name, panel in zip(PANELS, axes.flat, strict=True):
+            panel.set_ylabel(name)
+        entries: dict[str, Any] = {}
+        for letter, colour in zip("xyz", COLOURS, strict=True):
+            (entries[letter],) = axes[0, 0].plot([], [], color=colour)
+
+        def lines(panel: Any, topic: str, values: Array, style: str, of: str, pale: float = 1.0) -> None:
+            time = topics[topic]["log_time"] - begin
+            for colour, column in zip(COLOURS, values.T, strict=True):
+                panel.plot(time, column, style, color=colour, alpha=pale)
+            (entries[of],) = panel.plot([], [], style, color="0.2", alpha=pale)
+
+        poses = _poses(topics, Config.from_text(flight.configuration).vehicle)
+        for (topic, (position, rotation)), style, of in zip(
+            poses.items(), (":", "--", "-"), ("set-point", "reference", "estimated"), strict=True
+        ):
+            lines(axes[0, 0], topic, position, style, of)
+            lines(axes[0, 1], topic, _angles(rotation), style, of)
+        control, wrench = topics["/control"], topics["/wrench"]
+        lines(axes[1, 0], "/control", 1e3 * control["position_error_w"], "-", "estimated")
+        lines(axes[1, 1], "/control", control["rotation_error_r"], "-", "estimated")
+        for panel, of in zip(axes[2], ("force", "torque"), strict=True):
+            if "/truth" in topics:
+                lines(panel, "/truth", topics["/truth"][f"tool_wrench_w.{of}"], "-", "true", pale=0.4)
+            lines(panel, "/wrench", wrench[f"tool_w.{of}"], "-", "estimated")
+        off = poses["/reference"][0] - poses["/setpoint"][0]
+        lines(axes[3, 0], "/reference", 1e3 * off, "-", "estimated")
+        rotors = topics["/rotors"]["measured"]
+        shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, rotors.shape[1]))
+        time = topics["/rotors"]["log_time"] - begin
+        for speeds, colour in zip(rotors.T, shades, strict=True):
+            axes[3, 1].plot(time, speeds, color=colour)
+        for k in (0, len(shades) - 1):
+            (entries[f"rotor {k + 1}"],) = axes[3, 1].plot([], [], color=shades[k])
+        for panel, values in (
+            (axes[1, 0], 1e3 * control["position_error_w"]),
+            (axes[1, 1], control["rotation_error_r"]),
+            (axes[2, 0], wrench["tool_w.force"]),
+            (axes[2, 1], wrench["tool_w.torque"]),
+        ):
+            _scale(panel, values[free])
+        for panel in axes.flat:
+            _phases(panel, topics["/flight"], begin, named=panel in axes[0])
+        for panel in axes[3]:
+            panel.set_xlabel("time, s")
+        drawn.legend(
+            entries.values(),
+            entries,
+            loc="outside upper center",
+            ncols=len(entries),
+            columnspacing=1.2,
+            handlelength=1.6,
+            frameon=False,
         )
-        ax.legend(fontsize=6, ncols=6, loc="lower right", bbox_to_anchor=(1, 1), frameon=False, borderpad=0)
-        ax.margins(x=0)
     return drawn
+
+
+def _poses(topics: dict[str, log.Columns], vehicle: Vehicle) -> dict[str, tuple[Array, Array]]:
+    """Positions of the tool, W, and orientations of the robot, by their topic; targets only in the air."""
+    found, grounded = {}, ~log.flying(topics["/flight"]["phase"])
+    for topic in ("/setpoint", "/reference", "/state"):
+        columns = topics[topic]
+        position, rotation = columns["position_w"], rotations_from_quaternions(columns["orientation"])
+        if topic == "/state":
+            position = position + rotation @ vehicle.tool_position
+        else:
+            rotation = rotation @ vehicle.tool_rotation.T
+            position, rotation = np.where(grounded[:, None], np.nan, position), rotation.copy()
+            rotation[grounded] = np.nan
+        found[topic] = position, rotation
+    return found
+
+
+def _angles(rotations: Array) -> Array:
+    """Roll, pitch and yaw, degrees; NaN where there is no orientation."""
+    from scipy.spatial.transform import Rotation
+
+    found = np.full((len(rotations), 3), np.nan)
+    known = np.isfinite(rotations).all(axis=(1, 2))
+    found[known] = Rotation.from_matrix(rotations[known]).as_euler("xyz", degrees=True)
+    return found
+
+
+def _scale(panel: Any, values: Array) -> None:
+    """Scales a panel to some values, if there are any."""
+    values = values[np.isfinite(values).all(axis=1)]
+    if len(values) and np.ptp(values) > 0.0:
+        margin = 0.1 * float(np.ptp(values))
+        panel.set_ylim(values.min() - margin, values.max() + margin)
+
+
+def _phases(panel: Any, flight: log.Columns, begin: float, *, named: bool) -> None:
+    """Marks the phases of a flight, with their names if they are long enough for it."""
+    time, phase = flight["log_time"] - begin, flight["phase"]
+    edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist(), len(time) - 1]
+    for first, last in itertools.pairwise(edges):
+        name = str(phase[first])
+        panel.axvspan(time[first], time[last], color=SHADES.get(name, "1.0"), lw=0, zorder=0)
+        if named and time[last] - time[first] > 0.017 * len(name) * time[-1]:
+            middle, above = 0.5 * (time[first] + time[last]), panel.get_xaxis_transform()
+            panel.text(middle, 1.02, name, transform=above, ha="center", fontsize=7, color="0.3")
+    panel.margins(x=0)
 
 
 __all__ = ["add_parser", "figure"]
