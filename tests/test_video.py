@@ -63,6 +63,17 @@ def test_a_log_gives_a_film_of_its_length(path: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", ["gif", "webp"])
+def test_a_film_keeps_the_colour_of_a_thin_line(tmp_path: Path, ending: str) -> None:
+    """On a picture with many shades of grey and blue."""
+    picture = np.random.default_rng(1).integers(90, 250, (120, 160, 1), dtype=np.uint8) * [[[0.9, 0.95, 1.0]]]
+    picture[20:60, 80:82] = (220, 0, 0)
+    save([picture.astype(np.uint8)] * 2, tmp_path / f"line.{ending}", 10.0)
+    pictures, _ = film(tmp_path / f"line.{ending}")
+    red, green, blue = pictures[0][30:50, 80:82].reshape(-1, 3).mean(axis=0)
+    assert red > 150 and green < 60 and blue < 60
+
+
+@pytest.mark.parametrize("ending", ["gif", "webp"])
 def test_a_film_is_neither_faster_nor_slower(tmp_path: Path, ending: str) -> None:
     """At 30 pictures per second no duration is a number of the format's units."""
     pictures = np.random.default_rng(1).integers(0, 255, (31, 8, 8, 3), dtype=np.uint8)

@@ -147,9 +147,10 @@ def to_mjcf(
     )
     visual = ET.SubElement(model, "visual")
     ET.SubElement(visual, "global", offwidth="1280", offheight="960")
-    ET.SubElement(visual, "map", znear="0.002")
+    ET.SubElement(visual, "map", znear="0.002", shadowclip="4")
     ET.SubElement(visual, "headlight", ambient="0.35 0.35 0.35", diffuse="0.4 0.4 0.4", specular="0 0 0")
-    sky = {"type": "skybox", "builtin": "gradient", "rgb1": "0.98 0.98 1", "rgb2": "0.6 0.72 0.88"}
+    # One colour: the few colours of a GIF are for what flies.
+    sky = {"type": "skybox", "builtin": "flat", "rgb1": "0.8 0.87 0.95", "rgb2": "0.8 0.87 0.95"}
     ET.SubElement(ET.SubElement(model, "asset"), "texture", sky, width="64", height="384")
     body = ET.SubElement(model, "worldbody")
     ET.SubElement(body, "light", pos="1 -1 4", dir="-0.25 0.25 -1", directional="true")

@@ -113,7 +113,8 @@ def save(pictures: Iterable[Any], path: Path, frames_per_second: float) -> None:
     step = STEPS[path.suffix]
     frames = [Image.fromarray(picture) for picture in pictures]
     if path.suffix == ".gif":
-        frames = [frame.quantize(64) for frame in frames]
+        # The octree keeps the colours of thin lines and arrows.
+        frames = [frame.quantize(64, Image.Quantize.FASTOCTREE) for frame in frames]
     # Rounded times, and not rounded durations: the film does not become faster or slower.
     ends = [step * round(1000.0 * k / (frames_per_second * step)) for k in range(len(frames) + 1)]
     durations = [end - begin for begin, end in itertools.pairwise(ends)]
