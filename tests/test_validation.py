@@ -200,7 +200,7 @@ def test_an_argument_of_the_wrong_kind_is_named(arguments, sentence):
     for simulate in (tilthex.simulate, tilthex.simulate_many):
         with pytest.raises(TypeError, match=f"^{re.escape(sentence)}$"):
             simulate(CONFIG, **flight)
-    with pytest.raises(TypeError, match=r"^configs has a int for flight 1; expected a tilthex.Config$"):
+    with pytest.raises(TypeError, match=r"^the config of flight 1 is 3; expected a tilthex.Config$"):
         tilthex.simulate_many([CONFIG, 3], duration=0.01, setpoint=HOME)
 
 

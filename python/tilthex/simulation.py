@@ -202,8 +202,7 @@ def simulate_many(
     rows = {name: several.get(name, [value] * count) for name, value in given.items()}
     for number, config in enumerate(rows["configs"]):
         if not isinstance(config, _core.Config):
-            kind = type(config).__name__
-            raise TypeError(f"configs has a {kind} for flight {number}; expected a tilthex.Config")
+            raise TypeError(f"the config of flight {number} is {config!r}; expected a tilthex.Config")
     common = _COMMON | flight | {"pushes": list(flight.get("pushes", ()))}
     _check_kinds(common)
     figures, columns = _core.simulate_many(

@@ -24,7 +24,7 @@ pub use control::{
     WrenchObserverSection,
 };
 pub use estimator::EstimatorSection;
-pub use section::{ConfigError, Described, Key, Section};
+pub use section::{ConfigError, Described, Key, Section, one_line};
 pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, OrdersSection, SupervisorSection};
 use std::path::Path;
 use tilthex_core::controller::ControllerParams;

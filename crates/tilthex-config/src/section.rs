@@ -219,9 +219,12 @@ pub(crate) fn changed<S: Section>(section: &S, order: &str, changes: Table) -> R
     read(&table)
 }
 
-/// An error text of the TOML library in one line.
-pub(crate) fn one_line(message: &str) -> String {
-    message.split_whitespace().collect::<Vec<_>>().join(" ")
+/// An error text of the TOML library in one line, without the names of Rust's types.
+pub fn one_line(message: &str) -> String {
+    let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
+    let whole = ["u8", "u16", "u32", "u64", "usize"].map(|name| format!("expected {name}"));
+    let line = whole.iter().fold(line, |line, name| line.replace(name, "expected a whole number"));
+    line.replace("expected f64", "expected a number")
 }
 
 /// Takes a section out of the file's table. A missing section has the defaults.

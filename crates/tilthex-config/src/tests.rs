@@ -76,7 +76,11 @@ fn what_is_wrong_is_said_in_one_sentence() {
             "[allocation] order: found 1 parts, expected each of 4 once",
         ),
         ("[allocation]\nhorizon = -1", "[allocation]: "),
-        ("[link]\nbaud = 'fast'", "[link]: invalid type: string \"fast\", expected u32 in `baud`"),
+        ("[link]\nbaud = 'fast'", "[link]: invalid type: string \"fast\", expected a whole number in `baud`"),
+        (
+            "[admittance]\ntorque_dead_zone = 'small'",
+            "[admittance]: invalid type: string \"small\", expected a number in `torque_dead_zone`",
+        ),
         ("link = 3", "[link]: found an integer; expected a table"),
         ("x = = 3", "line 3: "),
     ];

@@ -183,9 +183,9 @@ fn columns<'py>(py: Python<'py>, records: &[&Record], stacked: bool) -> PyResult
 
 fn push(index: usize, keys: &Bound<'_, PyDict>) -> PyResult<Push> {
     let name = format!("pushes[{index}]");
-    let push: Push = convert::table(&name, keys)?
-        .try_into()
-        .map_err(|e| PyValueError::new_err(format!("{name}: {}", e.to_string().trim())))?;
+    let push: Push = convert::table(&name, keys)?.try_into().map_err(|e| {
+        PyValueError::new_err(format!("{name}: {}", tilthex_config::one_line(&e.to_string())))
+    })?;
     for number in [push.at, push.duration].iter().chain(&push.force).chain(&push.torque) {
         convert::number(&name, *number, -1e5, 1e5)?;
     }

@@ -17,6 +17,7 @@ use tilthex_mocap::{
 
 use crate::{
     histogram::{Histogram, Quantiles},
+    output::{self, Colour},
     port::{Port, latency_timer},
     realtime::{self, Demand},
     sleeper::{Clock, Monotonic, Nanos, Sleeper},
@@ -70,9 +71,21 @@ impl Verdict {
     }
 }
 
+impl Verdict {
+    /// The word as it is printed: as wide as the others, and on a terminal in its colour.
+    fn printed(self) -> String {
+        let colour = match self {
+            Self::Good => Colour::Green,
+            Self::Fair => Colour::Yellow,
+            Self::Bad => Colour::Red,
+        };
+        output::coloured(&format!("{:5}", self.name()), colour)
+    }
+}
+
 impl fmt::Display for Check {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{:5} {:12} {}", self.verdict.name(), self.name, self.text)
+        write!(f, "{} {:12} {}", self.verdict.printed(), self.name, self.text)
     }
 }
 

@@ -73,6 +73,23 @@ pub(crate) fn error(text: impl std::fmt::Display) {
     order(Order::Err(format!("{text}\n")));
 }
 
+/// Colours of a terminal, by their numbers.
+#[derive(Clone, Copy)]
+pub(crate) enum Colour {
+    Red = 31,
+    Green = 32,
+    Yellow = 33,
+}
+
+/// A text in a colour if standard output is a terminal and `NO_COLOR` is not set.
+pub(crate) fn coloured(text: &str, colour: Colour) -> String {
+    if is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty()) {
+        format!("\x1b[{}m{text}\x1b[0m", colour as u8)
+    } else {
+        text.into()
+    }
+}
+
 /// Whether standard output is a terminal.
 pub(crate) fn is_terminal() -> bool {
     stdout().is_terminal()

@@ -139,7 +139,7 @@ pub fn read_file(path: &Path) -> Result<String, ConfigError> {
 pub fn parse_route(text: &str, base: &Limits) -> Result<Route, String> {
     let route: RouteText = toml::from_str(text).map_err(|e| {
         let line = e.span().map_or(1, |span| text[..span.start].matches('\n').count() + 1);
-        format!("line {line}: {}", e.message().replace('\n', " "))
+        format!("line {line}: {}", crate::one_line(e.message()))
     })?;
     route.route(base)
 }
