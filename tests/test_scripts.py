@@ -1,8 +1,11 @@
 """The command for scripts: results as JSON, completion, files that are asked for, and the doctor."""
 
 import ast
+import contextlib
 import io
 import json
+import os
+import pty
 import re
 import shutil
 import subprocess
@@ -211,3 +214,37 @@ def test_the_doctor_is_that_of_the_program(monkeypatch, tmp_path, capfd):
     with pytest.raises(SystemExit) as end:
         command.main(["doctor", "--port", "/dev/ttyUSB0", "--help"])
     assert end.value.code == 3 and capfd.readouterr().out == "doctor --port /dev/ttyUSB0 --help\n"
+
+
+def on_a_terminal(*arguments, **environment):
+    """What a command prints on a terminal."""
+    ours, theirs = pty.openpty()
+    with os.fdopen(ours, "rb", buffering=0) as terminal:
+        call = [sys.executable, "-m", "tilthex", *map(str, arguments)]
+        process = subprocess.Popen(call, stdout=theirs, stderr=theirs, env=os.environ | environment)
+        os.close(theirs)
+        printed = b""
+        # The terminal of a program that has ended gives an error.
+        with contextlib.suppress(OSError):
+            while part := terminal.read(4096):
+                printed += part
+        process.wait()
+    return printed.decode().replace("\r\n", "\n")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "coloured"),
+    [
+        (["check", "tilt-hex", "--draws", 0], "\x1b[33m  <- low\x1b[0m"),
+        (["plot", "none.mcap"], "\x1b[31mtilthex:\x1b[0m none.mcap: No such file"),
+        (["doctor", "--realtime", "off", "--port", "/dev/none"], "\x1b[31mFAIL \x1b[0m port"),
+    ],
+)
+def test_colours_are_for_terminals(arguments, coloured):
+    plain = re.sub(r"\x1b\[\d*m", "", coloured)
+    assert coloured in on_a_terminal(*arguments, NO_COLOR="")
+    without = on_a_terminal(*arguments, NO_COLOR="1")
+    call = [sys.executable, "-m", "tilthex", *map(str, arguments)]
+    piped = subprocess.run(call, capture_output=True, text=True)
+    for printed in (without, piped.stdout + piped.stderr):
+        assert plain in printed and "\x1b" not in printed

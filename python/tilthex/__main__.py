@@ -27,6 +27,7 @@ from tilthex import (
     tune,
     video,
 )
+from tilthex._colours import RED, YELLOW, coloured
 from tilthex.experiments import cli as experiments
 from tilthex.log import LogCut
 from tilthex.view import cli as view
@@ -77,13 +78,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
             chosen.run(chosen)
     except ModuleNotFoundError as error:
         needed = f"this command needs {error.name}, which is not installed"
-        print(
-            f"tilthex: {needed}: pip install 'tilthex[analysis,completion,experiments,logs,view]'",
-            file=sys.stderr,
-        )
+        _say(f"{needed}: pip install 'tilthex[analysis,completion,experiments,logs,view]'", RED)
         return USAGE
-    except (ValueError, OSError, ImportError) as error:
-        print(f"tilthex: {error}", file=sys.stderr)
+    except OSError as error:
+        _say(str(error) if error.filename is None else f"{error.filename}: {error.strerror}", RED)
+        return USAGE
+    except (ValueError, ImportError) as error:
+        _say(str(error), RED)
         return USAGE
     except KeyboardInterrupt:
         return 130
@@ -92,7 +93,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """Prints a warning as one sentence on standard error."""
-    print(f"tilthex: warning: {message}", file=sys.stderr)
+    _say(f"warning: {message}", YELLOW)
+
+
+def _say(sentence: str, colour: int) -> None:
+    """Prints a sentence on standard error, after the name of the command in a colour."""
+    print(f"{coloured('tilthex:', colour, sys.stderr)} {sentence}", file=sys.stderr)
 
 
 if __name__ == "__main__":

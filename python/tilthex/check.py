@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import Config, LoopModel, Vehicle, _json, polytope
+from tilthex._colours import YELLOW, coloured
 
 Array = NDArray[np.float64]
 LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
@@ -172,7 +174,7 @@ def report(found: dict[str, Any]) -> Iterator[str]:
             least = margins["drawn_phase_margin_deg"]
             line += f"; drawn {least:.1f} deg, {margins['drawn_sensitivity_peak']:.2f}"
             good = good and least >= LEAST_DRAWN_PHASE_MARGIN
-        yield line + ("" if good else "  <- low")
+        yield line + ("" if good else coloured("  <- low", YELLOW, sys.stdout))
     if drawn and drawn["unstable"]:
         yield f"  {drawn['unstable']} of the drawn vehicles are unstable"
     yield from _contact(found["contact"])

@@ -7,6 +7,7 @@ import html
 import platform
 import re
 import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tilthex import __version__
+from tilthex._colours import GREEN, RED, coloured
 from tilthex.experiments.record import Check, Record
 
 AXES = ("x", "y", "z")
@@ -114,9 +116,13 @@ def text_table(checks: Sequence[Check]) -> str:
         mark = {True: "pass", False: "FALLS SHORT", None: "-"}[check.passed]
         rows.append((mark, check.what, check.required, check.paper, check.measured))
     widths = [max(len(row[i]) for row in rows) for i in range(5)]
-    return "\n".join(
-        "  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows
-    )
+    lines = []
+    for row in rows:
+        mark, *cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        colour = {"pass": GREEN, "FALLS SHORT": RED}.get(row[0])
+        mark = mark if colour is None else coloured(mark, colour, sys.stdout)
+        lines.append("  ".join([mark, *cells]).rstrip())
+    return "\n".join(lines)
 
 
 def commit() -> str:
