@@ -19,7 +19,7 @@ import tilthex
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from tilthex import __main__ as command
-from tilthex import _json, new
+from tilthex import _json, _programs, new
 
 MODULE = """
 from tilthex.experiments.judge import Judge
@@ -164,22 +164,28 @@ def test_an_answer_that_does_not_fit_is_refused(monkeypatch, tmp_path, capsys):
     assert not list(tmp_path.iterdir()) and set(new.KINDS) == {"vehicle", "experiment"}
 
 
-def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
-    pytest.importorskip("shtab")
+def completion_of(printed, function, folder):
+    """What bash offers for the last word of a line, with a script in a folder."""
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("bash is not installed")
-    assert command.main(["completion", "bash"]) == 0
-    script = tmp_path / "tilthex.bash"
-    script.write_text(capsys.readouterr().out)
+    (folder / "completion.bash").write_text(printed)
 
     def completed(*words):
         line = " ".join(f"'{word}'" for word in words)
-        call = f"source {script}; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _shtab_tilthex; "
+        call = f"source completion.bash; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; "
+        call += f"{function} '{words[0]}' '{words[-1]}' '{words[-2]}'; "
         call += 'printf "%s\\n" "${COMPREPLY[@]}"'
-        done = subprocess.run([bash, "-c", call], cwd=tmp_path, capture_output=True, text=True)
+        done = subprocess.run([bash, "-c", call], cwd=folder, capture_output=True, text=True)
         return set(done.stdout.split())
 
+    return completed
+
+
+def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
+    pytest.importorskip("shtab")
+    assert command.main(["completion", "bash"]) == 0
+    completed = completion_of(capsys.readouterr().out, "_shtab_tilthex", tmp_path)
     assert {"check", "experiment", "new", "doctor", "view"} <= completed("tilthex", "")
     assert completed("tilthex", "ex") == {"excite", "experiment"}
     assert "--json" in completed("tilthex", "check", "--j")
@@ -191,6 +197,18 @@ def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
     assert {"tilt-hex", "sloop.toml"} <= completed("tilthex", "check", "")
     assert completed("tilthex", "view", "fl") == {"flight.mcap"}
     assert completed("tilthex", "view", "--token-file", "se") == {"secret"}
+
+
+def test_bash_completes_the_program_of_the_flight(tmp_path):
+    call = [_programs.program("tilthex-rt"), "completion", "bash"]
+    printed = subprocess.run(call, capture_output=True, text=True, check=True).stdout
+    completed = completion_of(printed, "_tilthex__rt", tmp_path)
+    assert completed("tilthex-rt", "--take") == {"--take-off"}
+    assert completed("tilthex-rt", "--realtime", "") == {"require", "prefer", "off"}
+    assert completed("tilthex-rt", "doctor", "--j") == {"--json"}
+    assert "merge" in completed("tilthex-rt", "campaign", "")
+    (tmp_path / "flight.mcap").touch()
+    assert "flight.mcap" in completed("tilthex-rt", "--log", "fl")
 
 
 def test_the_doctor_as_json_has_every_check(capfd):

@@ -133,6 +133,11 @@ pub(super) enum Action {
         #[arg(long)]
         json: bool,
     },
+    /// Print the script with which a shell completes this command
+    Completion {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit
     Replay {
         /// The log
