@@ -106,7 +106,8 @@ python-test: install
 # The pages of tilthex view in a headless Chromium; TILTHEX_WRITE_DOCS=1 takes the picture of docs/howto/view.md.
 .PHONY: browser-test
 browser-test: install
-	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py -rs
+	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py --reruns 2 \
+		--only-rerun '$(STALLED)' -rsR
 
 # The commands of the pages that take long: experiments, films, flights in real time.
 .PHONY: commands-test

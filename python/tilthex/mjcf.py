@@ -147,7 +147,9 @@ def to_mjcf(
     )
     visual = ET.SubElement(model, "visual")
     ET.SubElement(visual, "global", offwidth="1280", offheight="960")
-    ET.SubElement(visual, "map", znear="0.002", shadowclip="4")
+    # Shadows as far as the floor is seen; beyond their range it would have specks.
+    ET.SubElement(visual, "quality", shadowsize="8192")
+    ET.SubElement(visual, "map", znear="0.002", shadowclip="20")
     ET.SubElement(visual, "headlight", ambient="0.35 0.35 0.35", diffuse="0.4 0.4 0.4", specular="0 0 0")
     # One colour: the few colours of a GIF are for what flies.
     sky = {"type": "skybox", "builtin": "flat", "rgb1": "0.8 0.87 0.95", "rgb2": "0.8 0.87 0.95"}

@@ -145,10 +145,8 @@ def experiment(path: Path) -> str:
         )
     beyond = ""
     if scene != "free":
-        what = (
-            "behind the surface" if scene == "plane" else "to change: a place behind a surface of the scene"
-        )
-        beyond = f"  # {what}, so that the spring of the stiffness presses the tool on it"
+        what = "behind the surface" if scene == "plane" else "to change: a place behind a surface"
+        beyond = f"  # {what}, so that the stiffness presses the tool on it"
     hold = number("how long the tool stays there, s", 5.0)
     seed = round(number("seed of the sensors' noise", 1.0))
     # A text of JSON is one of TOML.
