@@ -5,6 +5,7 @@
 //! `e = [p_ref - p_set; 1/2 vee(R_ref R_set^T - R_set R_ref^T)]`: the reference yields in the direction of
 //! the push. The paper prints set-point minus reference in (27)-(28), which would move against it.
 
+mod diagonal;
 mod forced;
 mod motion;
 mod params;

@@ -15,9 +15,11 @@
 mod awaited;
 #[cfg(feature = "board")]
 pub mod board;
+mod crc;
 mod gate;
 mod line_delay;
 mod linked;
+pub mod onboard;
 mod outgoing;
 pub mod px4;
 mod registry;

@@ -36,10 +36,20 @@ pub(super) struct Strained {
 
 impl Spring {
     pub(super) fn new(stiffness: &Matrix6) -> Self {
+        Self::judged(stiffness, |g| g.symmetric_eigenvalues().min())
+    }
+
+    /// The spring of a diagonal matrix. It computes no eigenvalues.
+    pub(super) fn diagonal(stiffness: &Vector6) -> Self {
+        Self::judged(&Matrix6::from_diagonal(stiffness), |g| g.diagonal().min())
+    }
+
+    /// `smallest` gives the smallest eigenvalue of G.
+    fn judged(stiffness: &Matrix6, smallest: impl FnOnce(&Matrix3) -> f64) -> Self {
         let rotation: Matrix3 = stiffness.fixed_view::<3, 3>(3, 3).into_owned();
         let rotation = 0.5 * (rotation + rotation.transpose());
         let g = 0.5 * rotation.trace() * Matrix3::identity() - rotation;
-        let pulls_back = g.symmetric_eigenvalues().min() >= -1e-9 * rotation.amax();
+        let pulls_back = smallest(&g) >= -1e-9 * rotation.amax();
         Self {
             translation: stiffness.fixed_view::<3, 3>(0, 0).into_owned(),
             coupling: stiffness.fixed_view::<3, 3>(0, 3).into_owned(),

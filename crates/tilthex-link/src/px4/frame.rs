@@ -4,7 +4,7 @@
 //! byte, 0x7e and 0x7d are sent as 0x7d followed by the byte with bit 5 changed. The CRC covers the message alone:
 //! polynomial 0x8005, reflected bits, initial value 0.
 
-use crate::{bump, outgoing::write_frame};
+use crate::{bump, crc::crc_with, outgoing::write_frame};
 
 /// Longest message, bytes.
 pub const MAX_MESSAGE: usize = 1280;
@@ -16,29 +16,6 @@ pub const CLIENT: u8 = 1;
 const BEGIN: u8 = 0x7e;
 const ESCAPE: u8 = 0x7d;
 const CHANGED: u8 = 0x20;
-
-const CRC_TABLE: [u16; 256] = crc_table();
-
-const fn crc_table() -> [u16; 256] {
-    let mut table = [0; 256];
-    let mut index = 0;
-    while index < 256 {
-        let mut crc = index as u16;
-        let mut bit = 0;
-        while bit < 8 {
-            crc = if crc & 1 == 1 { crc >> 1 ^ 0xa001 } else { crc >> 1 };
-            bit += 1;
-        }
-        table[index] = crc;
-        index += 1;
-    }
-    table
-}
-
-fn crc_with(crc: u16, byte: u8) -> u16 {
-    let [low, _] = crc.to_le_bytes();
-    crc >> 8 ^ CRC_TABLE[usize::from(low ^ byte)]
-}
 
 /// Writes a message as a frame to `destination` and returns its length, bytes. Returns 0 if the frame does not fit or the
 /// message is longer than [`MAX_MESSAGE`]; `out` then holds no complete frame. `2 * length + 13` bytes are always enough.

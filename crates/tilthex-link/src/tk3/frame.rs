@@ -24,7 +24,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    pub(super) const fn empty() -> Self {
+    pub(crate) const fn empty() -> Self {
         Self { bytes: [0; MAX_BODY], length: 0 }
     }
 
@@ -42,7 +42,7 @@ impl Frame {
     }
 
     /// Adds a byte; returns whether there was room for it.
-    pub(super) fn push(&mut self, byte: u8) -> bool {
+    pub(crate) fn push(&mut self, byte: u8) -> bool {
         match self.bytes.get_mut(self.length) {
             Some(slot) => {
                 *slot = byte;
@@ -54,7 +54,7 @@ impl Frame {
     }
 
     /// Appends bytes. Bytes after [`MAX_BODY`] are dropped; no message of this module is that long.
-    pub(super) fn extend(&mut self, bytes: &[u8]) {
+    pub(crate) fn extend(&mut self, bytes: &[u8]) {
         for &byte in bytes {
             self.push(byte);
         }

@@ -14,6 +14,7 @@ mod imu_stream;
 mod receiver;
 mod scales;
 mod scan;
+mod schedule;
 mod speed;
 mod vehicle_message;
 
@@ -23,5 +24,6 @@ pub use host_message::{HostMessage, MAX_THROTTLE, MotorValues, Stream};
 pub use identity::{Board, Identity};
 pub use receiver::{Counters, Message, Receiver, Refusal};
 pub use scales::ImuScales;
-pub use speed::{LOWEST_SPEED, half_period, speed};
+pub use schedule::Schedule;
+pub use speed::{LOWEST_SPEED, half_period, nearest_half_period, speed};
 pub use vehicle_message::{ImuFrame, MotorFrame, MotorState, VehicleMessage};

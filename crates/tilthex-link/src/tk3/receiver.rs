@@ -18,6 +18,8 @@ pub enum Refusal {
     },
     /// The message with this letter holds a number that the protocol does not allow.
     OutOfRange(u8),
+    /// The message with this letter has a wrong checksum.
+    WrongChecksum(u8),
 }
 
 /// One direction of the protocol.
@@ -42,6 +44,8 @@ pub struct Counters {
     pub wrong_length: u32,
     /// Frames with a number out of range.
     pub out_of_range: u32,
+    /// Frames with a wrong checksum. The messages of tk3 have none.
+    pub wrong_checksum: u32,
 }
 
 impl Counters {
@@ -58,6 +62,7 @@ impl Counters {
             self.unknown_letter,
             self.wrong_length,
             self.out_of_range,
+            self.wrong_checksum,
         ]
         .into_iter()
         .fold(0, u32::saturating_add)
@@ -90,6 +95,7 @@ impl<M: Message> Receiver<M> {
             Err(Refusal::UnknownLetter(_)) => bump(&mut self.counters.unknown_letter),
             Err(Refusal::WrongLength { .. }) => bump(&mut self.counters.wrong_length),
             Err(Refusal::OutOfRange(_)) => bump(&mut self.counters.out_of_range),
+            Err(Refusal::WrongChecksum(_)) => bump(&mut self.counters.wrong_checksum),
         }
         None
     }

@@ -28,3 +28,12 @@ pub fn half_period(speed: f64) -> i16 {
 pub fn speed(half_period: i16) -> f64 {
     if half_period == 0 { 0.0 } else { HALF_SECOND / f64::from(half_period) }
 }
+
+/// The half period, us, of a measured speed in Hz: rounded to the nearest count. That of a commanded one is truncated.
+#[must_use]
+pub fn nearest_half_period(speed: f64) -> i16 {
+    if speed.abs() < LOWEST_SPEED {
+        return if speed < 0.0 { -i16::MAX } else { i16::MAX };
+    }
+    libm::round(HALF_SECOND / speed) as i16
+}

@@ -7,7 +7,9 @@ pub mod motor;
 use alloc::{format, vec::Vec};
 
 use self::motor::{Event, Motor};
-use super::{HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Stream, VehicleMessage, speed};
+use super::{
+    HostMessage, Identity, ImuFrame, ImuScales, MAX_FRAME, Receiver, Schedule, Stream, VehicleMessage, speed,
+};
 use crate::{
     Severity, Text,
     board::{Board, BoardParams, Measurements, Micros, Noted},
@@ -43,31 +45,6 @@ impl From<BoardParams> for FirmwareParams {
     /// The default board, with this battery.
     fn from(params: BoardParams) -> Self {
         Self { battery: params.battery, ..Self::default() }
-    }
-}
-
-/// One stream that the host may request.
-#[derive(Clone, Copy, Debug, Default)]
-struct Schedule {
-    period: Micros,
-    next: Micros,
-    sequence: u8,
-}
-
-impl Schedule {
-    fn set(&mut self, period: u32, now: Micros) {
-        self.period = Micros::from(period);
-        self.next = now + self.period;
-    }
-
-    /// Whether a sample is due. The times of the samples stay multiples of the period.
-    fn due(&mut self, now: Micros) -> bool {
-        if self.period == 0 || now < self.next {
-            return false;
-        }
-        self.next += self.period * ((now - self.next) / self.period + 1);
-        self.sequence = self.sequence.wrapping_add(1);
-        true
     }
 }
 
@@ -235,7 +212,7 @@ impl Board for Firmware {
                 self.noted.samples_sent += 1;
                 let (accelerometer, gyro) =
                     self.params.scales.encode(&measured.imu.specific_force_i, &measured.imu.gyro_i);
-                let sequence = self.imu.sequence;
+                let sequence = self.imu.sequence();
                 send(
                     &VehicleMessage::Imu(ImuFrame { sequence, accelerometer, gyro, temperature: Some(4006) }),
                     out,
@@ -251,12 +228,12 @@ impl Board for Firmware {
         }
         if self.voltage.due(now) {
             let millivolts = (1e3 * self.battery.voltage()).clamp(0.0, 65_535.0) as u16;
-            send(&VehicleMessage::Battery { sequence: self.voltage.sequence, millivolts }, out);
+            send(&VehicleMessage::Battery { sequence: self.voltage.sequence(), millivolts }, out);
         }
         if self.magnetometer.due(now) {
             // 20 uT north, 43 uT down: a field of middle Europe.
             let field = [2000, 0, -4300];
-            send(&VehicleMessage::Magnetometer { sequence: self.magnetometer.sequence, field }, out);
+            send(&VehicleMessage::Magnetometer { sequence: self.magnetometer.sequence(), field }, out);
         }
     }
 

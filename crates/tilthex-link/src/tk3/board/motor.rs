@@ -2,7 +2,7 @@
 
 use crate::{
     board::Micros,
-    tk3::{LOWEST_SPEED, MotorFrame, MotorState},
+    tk3::{MotorFrame, MotorState, nearest_half_period},
 };
 
 /// A motor without set-points for this time falls back to its lowest speed.
@@ -152,12 +152,4 @@ impl Motor {
             current_ma: (1e3 * current) as u16,
         }
     }
-}
-
-/// A measured half period is rounded to the nearest count; a commanded one is truncated.
-fn nearest_half_period(speed: f64) -> i16 {
-    if speed.abs() < LOWEST_SPEED {
-        return if speed < 0.0 { -i16::MAX } else { i16::MAX };
-    }
-    libm::round(500_000.0 / speed) as i16
 }

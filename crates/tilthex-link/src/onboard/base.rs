@@ -1,0 +1,365 @@
+//! The base's end of the conversation: identity, streams, heartbeats, orders until they are answered, and records that are
+//! put together. It never waits.
+
+use super::{
+    Answer, FAMILY, FlightPart, HEARTBEAT, Order, PoseMessage, REPEAT, RemoteClock, StatePart, ToBase,
+    ToVehicle, ToolPart, UNANSWERED, record::Facts,
+};
+use crate::{
+    Outgoing, Severity, Text,
+    tk3::{HostMessage, MotorFrame, Receiver, Stream, VehicleMessage},
+};
+use tilthex_core::{
+    Error, Matrix3, PoseSample, RotorVector, Setpoint, Vector3, Wrench,
+    admittance::centre_of_mass_reference,
+    flight::{ModelRecord, Record},
+    supervisor::{Phase, limits::STREAM_SILENT},
+    vehicle::Mounting,
+};
+
+/// Time between two identity requests, s, and their number.
+const IDENTIFY: (f64, u32) = (0.5, 4);
+/// Longest silence of the operator that a heartbeat carries, s.
+const SILENT: f64 = 65.0;
+
+/// Parameters of the base's end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BaseParams {
+    /// Number of rotors of the vehicle.
+    pub rotor_count: usize,
+    /// Its tool.
+    pub tool: Mounting,
+    /// Period of the records and of the motors' stream, us.
+    pub record_period_us: u32,
+    /// Period of the battery's stream, us.
+    pub battery_period_us: u32,
+}
+
+/// What the vehicle has told.
+#[derive(Clone, Copy, Debug)]
+#[expect(clippy::large_enum_variant, reason = "passed on at once, and nothing is allocated")]
+pub enum Event {
+    /// A complete record. Values that the vehicle does not send are NaN.
+    Record(Record),
+    /// A text for the operator.
+    Text(Severity, Text),
+    /// The vehicle answers to an order: whether it carries it out.
+    Answered(Order, bool),
+    /// The vehicle has not answered to an order.
+    Unanswered(Order),
+    /// The vehicle announces itself without a request: its board has started again.
+    Restarted,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stage {
+    Identify { tries: u32, asked: f64 },
+    Refused,
+    Streams { asked: f64 },
+}
+
+/// An order on its way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pending {
+    number: u8,
+    order: Order,
+    since: f64,
+    sent: Option<f64>,
+}
+
+/// The base's end of the line.
+#[derive(Clone, Debug)]
+pub struct Base {
+    params: BaseParams,
+    stage: Stage,
+    receiver: Receiver<ToBase>,
+    clock: RemoteClock,
+    /// When the last message arrived, s.
+    heard: f64,
+    flight: Option<FlightPart>,
+    state: Option<StatePart>,
+    records: u64,
+    last_time: Option<f64>,
+    speeds: RotorVector,
+    currents: RotorVector,
+    battery: f64,
+    pose_number: u8,
+    pending: Option<Pending>,
+    urgent: Option<Order>,
+    urgent_sent: f64,
+    heartbeat: f64,
+}
+
+impl Base {
+    /// The base's end before the first byte.
+    ///
+    /// # Errors
+    /// None with the parameters that it uses.
+    pub fn new(params: BaseParams) -> Result<Self, Error> {
+        Ok(Self {
+            params,
+            stage: Stage::Identify { tries: 0, asked: f64::NEG_INFINITY },
+            receiver: Receiver::default(),
+            clock: RemoteClock::new()?,
+            heard: f64::NEG_INFINITY,
+            flight: None,
+            state: None,
+            records: 0,
+            last_time: None,
+            speeds: RotorVector::repeat(f64::NAN),
+            currents: RotorVector::zeros(),
+            battery: f64::NAN,
+            pose_number: 0,
+            pending: None,
+            urgent: None,
+            urgent_sent: f64::NEG_INFINITY,
+            heartbeat: f64::NEG_INFINITY,
+        })
+    }
+
+    /// Whether another device has answered, or nothing.
+    #[must_use]
+    pub fn refused(&self) -> bool {
+        self.stage == Stage::Refused
+    }
+
+    /// Time since the last message, s.
+    #[must_use]
+    pub fn silence(&self, now: f64) -> f64 {
+        now - self.heard
+    }
+
+    /// The newest part of a record about the supervisor.
+    #[must_use]
+    pub fn flight(&self) -> Option<&FlightPart> {
+        self.flight.as_ref()
+    }
+
+    /// Takes an order; returns false while another one is on its way, or before the first record. An urgent order is repeated
+    /// until the vehicle obeys, and drops the order that is on its way.
+    pub fn order(&mut self, order: Order, now: f64) -> bool {
+        if order.is_urgent() {
+            self.pending = None;
+            if self.urgent != Some(Order::Kill) && self.urgent != Some(order) {
+                (self.urgent, self.urgent_sent) = (Some(order), f64::NEG_INFINITY);
+            }
+            return true;
+        }
+        let Some(flight) = self.flight.filter(|_| self.pending.is_none()) else { return false };
+        let number = flight.answer.number().wrapping_add(1);
+        self.pending = Some(Pending { number, order, since: now, sent: None });
+        true
+    }
+
+    /// Writes a pose that is sent at `now`, s.
+    pub fn pose(&mut self, pose: &PoseSample, now: f64, out: &mut Outgoing) {
+        self.pose_number = self.pose_number.wrapping_add(1);
+        let message = ToVehicle::Pose(PoseMessage::new(self.pose_number, pose, now));
+        out.append(|b| message.encode(b));
+    }
+
+    /// Takes bytes that arrive at `now`, s, and tells what is in them.
+    pub fn receive(&mut self, bytes: &[u8], now: f64, tell: &mut impl FnMut(Event)) {
+        for byte in bytes {
+            let Some(message) = self.receiver.push(*byte) else { continue };
+            self.heard = now;
+            match message {
+                ToBase::Tk3(message) => self.take(&message, tell),
+                ToBase::Flight(part) => {
+                    (self.flight, self.state) = (Some(part), None);
+                    self.settle(part.answer, tell);
+                }
+                ToBase::State(part) => self.state = Some(part),
+                ToBase::Tool(part) => {
+                    if let Some(record) = self.record(&part, now) {
+                        tell(Event::Record(record));
+                    }
+                }
+            }
+        }
+    }
+
+    fn take(&mut self, message: &VehicleMessage, tell: &mut impl FnMut(Event)) {
+        match message {
+            VehicleMessage::Identity(text) => self.identify(text, tell),
+            VehicleMessage::Motor(frame) => self.take_motor(frame),
+            VehicleMessage::Battery { millivolts, .. } => self.battery = 1e-3 * f64::from(*millivolts),
+            VehicleMessage::Text { severity, text } => tell(Event::Text(*severity, *text)),
+            VehicleMessage::Imu(_) | VehicleMessage::Magnetometer { .. } | VehicleMessage::Clock { .. } => {}
+        }
+    }
+
+    fn identify(&mut self, text: &Text, tell: &mut impl FnMut(Event)) {
+        let known = text.as_bytes().starts_with(FAMILY);
+        if !known {
+            tell(Event::Text(Severity::Error, *text));
+        }
+        match self.stage {
+            Stage::Identify { .. } if known => self.stage = Stage::Streams { asked: f64::NEG_INFINITY },
+            Stage::Identify { .. } => self.stage = Stage::Refused,
+            Stage::Streams { .. } if known => {
+                self.stage = Stage::Streams { asked: f64::NEG_INFINITY };
+                (self.pending, self.flight) = (None, None);
+                tell(Event::Restarted);
+            }
+            Stage::Streams { .. } | Stage::Refused => {}
+        }
+    }
+
+    fn take_motor(&mut self, frame: &MotorFrame) {
+        let index = usize::from(frame.state.motor()).wrapping_sub(1);
+        if index < self.params.rotor_count
+            && let (Some(speed), Some(current)) = (self.speeds.get_mut(index), self.currents.get_mut(index))
+        {
+            *speed = frame.speed();
+            *current = 1e-3 * f64::from(frame.current_ma);
+        }
+    }
+
+    /// Ends the wait for an answer, if this is the one.
+    fn settle(&mut self, answer: Answer, tell: &mut impl FnMut(Event)) {
+        let Some(pending) = self.pending.filter(|p| p.sent.is_some() && p.number == answer.number()) else {
+            return;
+        };
+        self.pending = None;
+        tell(Event::Answered(pending.order, matches!(answer, Answer::Accepted(_))));
+    }
+
+    /// The record whose last part has arrived, if its other parts have.
+    fn record(&mut self, tool: &ToolPart, now: f64) -> Option<Record> {
+        let flight = self.flight.filter(|part| part.number == tool.number)?;
+        let state = self.state.take().filter(|part| part.number == tool.number)?.state;
+        let time = self.clock.sent(flight.time, now);
+        let reference = Setpoint::hold(tool.position_w, tool.rotation_we);
+        let mut record = unknown();
+        record.tick = self.records;
+        record.dt = self.last_time.replace(time).map_or(0.0, |last| time - last);
+        (record.input.time, record.state_time) = (time, time);
+        (record.phase, record.faults, record.start_w) = (flight.phase, flight.faults, flight.start_w);
+        record.pose_age = if flight.pose_age == u16::MAX { f64::NAN } else { 1e-3 * f64::from(flight.pose_age) };
+        record.compliant = flight.facts.has(Facts::COMPLIANT);
+        record.saturated = flight.facts.has(Facts::SATURATED);
+        record.excursion_limited = flight.facts.has(Facts::EXCURSION_LIMITED);
+        record.state = state;
+        record.wrench_tool_w = tool.wrench_w;
+        let wanted_w = centre_of_mass_reference(&reference, &self.params.tool).position_w;
+        record.position_error_w = wanted_w - state.position_w;
+        record.reference = reference;
+        record.rotor_speeds = self.speeds;
+        record.current = self.currents.sum();
+        record.battery = self.battery;
+        let counters = self.receiver.counters();
+        (record.counters.messages, record.counters.refused_frames) = (counters.messages, counters.refused());
+        self.records += 1;
+        Some(record)
+    }
+
+    /// Writes what the conversation needs at `now`, s: requests, the heartbeat of an operator who was last heard `silence` s
+    /// ago, and orders that are not answered. Tells about an order to which no answer came.
+    pub fn talk(&mut self, now: f64, silence: f64, out: &mut Outgoing, tell: &mut impl FnMut(Event)) {
+        match self.stage {
+            Stage::Refused => return,
+            Stage::Identify { tries, asked } => {
+                if now - asked < IDENTIFY.0 {
+                    return;
+                }
+                if tries < IDENTIFY.1 {
+                    out.append(|b| ToVehicle::Tk3(HostMessage::Identify).encode(b));
+                    self.stage = Stage::Identify { tries: tries + 1, asked: now };
+                } else {
+                    self.stage = Stage::Refused;
+                }
+                return;
+            }
+            Stage::Streams { asked } => {
+                let silent = self.silence(now) >= STREAM_SILENT || self.flight.is_none();
+                if silent && now - asked >= STREAM_SILENT {
+                    self.ask(out);
+                    self.stage = Stage::Streams { asked: now };
+                }
+            }
+        }
+        if now - self.heartbeat >= HEARTBEAT {
+            let silence = (1e3 * silence.clamp(0.0, SILENT)) as u16;
+            out.append(|b| ToVehicle::Heartbeat(silence).encode(b));
+            self.heartbeat = now;
+        }
+        self.insist(now, out);
+        if let Some(pending) = &mut self.pending {
+            if now - pending.since >= UNANSWERED {
+                tell(Event::Unanswered(pending.order));
+                self.pending = None;
+            } else if pending.sent.is_none_or(|sent| now - sent >= REPEAT) {
+                let message = ToVehicle::Order(pending.number, pending.order);
+                out.append(|b| message.encode(b));
+                pending.sent = Some(now);
+            }
+        }
+    }
+
+    /// Asks for the streams.
+    fn ask(&self, out: &mut Outgoing) {
+        let rate = |stream, period_us| ToVehicle::Tk3(HostMessage::Rate { stream, period_us });
+        for message in [
+            rate(Stream::Battery, self.params.battery_period_us),
+            rate(Stream::Motors, self.params.record_period_us),
+            ToVehicle::Records(self.params.record_period_us),
+        ] {
+            out.append(|b| message.encode(b));
+        }
+    }
+
+    /// Repeats the urgent order until the vehicle obeys.
+    fn insist(&mut self, now: f64, out: &mut Outgoing) {
+        let Some(order) = self.urgent else { return };
+        let obeyed = self.flight.is_some_and(|flight| match order {
+            Order::Kill => flight.facts.has(Facts::KILLED),
+            _ => {
+                flight.facts.has(Facts::LANDED) || matches!(flight.phase, Phase::Landing | Phase::Emergency)
+            }
+        });
+        if !obeyed && now - self.urgent_sent >= REPEAT {
+            out.append(|b| ToVehicle::Order(0, order).encode(b));
+            self.urgent_sent = now;
+        }
+    }
+
+    /// Writes the messages that end the conversation: the streams stop.
+    pub fn part(&self, out: &mut Outgoing) {
+        let rate = |stream| ToVehicle::Tk3(HostMessage::Rate { stream, period_us: 0 });
+        for message in [rate(Stream::Battery), rate(Stream::Motors), ToVehicle::Records(0)] {
+            out.append(|b| message.encode(b));
+        }
+    }
+}
+
+/// A record whose values are not known.
+fn unknown() -> Record {
+    let (none, nowhere) = (f64::NAN, Vector3::repeat(f64::NAN));
+    let wrench = Wrench { force: nowhere, torque: nowhere };
+    Record {
+        gyro_bias_i: nowhere,
+        accelerometer_bias_i: nowhere,
+        deviation: [none; 3],
+        innovation: none,
+        latency: none,
+        specific_force_r: nowhere,
+        setpoint: Setpoint::hold(nowhere, Matrix3::repeat(none)),
+        wrench_robot: wrench,
+        wrench_contact_w: wrench,
+        wrench_admittance_w: wrench,
+        wind_w: nowhere,
+        contact_likelihood: none,
+        rotation_error_r: nowhere,
+        energy_tank: none,
+        rotor_command: RotorVector::repeat(none),
+        model: ModelRecord {
+            mass: none,
+            centre_of_mass_r: nowhere,
+            false_force: none,
+            false_torque: none,
+            ..ModelRecord::default()
+        },
+        ..Record::default()
+    }
+}
