@@ -24,6 +24,18 @@ impl Text {
         text
     }
 
+    /// The parts one after the other; bytes after the first [`Text::MAX`] are dropped.
+    #[must_use]
+    pub fn of(parts: &[&str]) -> Self {
+        let mut text = Self::new(b"");
+        let bytes = parts.iter().flat_map(|part| part.bytes());
+        for (slot, byte) in text.bytes.iter_mut().zip(bytes) {
+            *slot = byte;
+            text.length += 1;
+        }
+        text
+    }
+
     /// The bytes.
     #[must_use]
     pub fn as_bytes(&self) -> &[u8] {

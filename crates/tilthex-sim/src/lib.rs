@@ -6,6 +6,7 @@ pub mod campaign;
 mod error;
 pub mod feed;
 pub mod ground;
+pub mod onboard;
 pub mod pushes;
 pub mod simulate;
 

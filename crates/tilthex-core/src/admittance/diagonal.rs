@@ -23,7 +23,8 @@ impl AdmittanceFilter {
         check_diagonal("admittance damping", damping, 0.0)?;
         check_diagonal("admittance stiffness", stiffness, 0.0)?;
         let inverse = mass.map(|x| 1.0 / x);
-        let (damping_rate, stiffness_rate) = (inverse.component_mul(damping), inverse.component_mul(stiffness));
+        let (damping_rate, stiffness_rate) =
+            (inverse.component_mul(damping), inverse.component_mul(stiffness));
         let full = |diagonal: &Vector6| Matrix6::from_diagonal(diagonal);
         let fastest = rate_bound(&full(&damping_rate), &full(&stiffness_rate));
         check_range("fastest rate of the admittance filter (1/s)", fastest, 0.0, FASTEST)?;

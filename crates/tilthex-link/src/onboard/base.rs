@@ -236,7 +236,8 @@ impl Base {
         record.dt = self.last_time.replace(time).map_or(0.0, |last| time - last);
         (record.input.time, record.state_time) = (time, time);
         (record.phase, record.faults, record.start_w) = (flight.phase, flight.faults, flight.start_w);
-        record.pose_age = if flight.pose_age == u16::MAX { f64::NAN } else { 1e-3 * f64::from(flight.pose_age) };
+        record.pose_age =
+            if flight.pose_age == u16::MAX { f64::NAN } else { 1e-3 * f64::from(flight.pose_age) };
         record.compliant = flight.facts.has(Facts::COMPLIANT);
         record.saturated = flight.facts.has(Facts::SATURATED);
         record.excursion_limited = flight.facts.has(Facts::EXCURSION_LIMITED);
@@ -314,9 +315,7 @@ impl Base {
         let Some(order) = self.urgent else { return };
         let obeyed = self.flight.is_some_and(|flight| match order {
             Order::Kill => flight.facts.has(Facts::KILLED),
-            _ => {
-                flight.facts.has(Facts::LANDED) || matches!(flight.phase, Phase::Landing | Phase::Emergency)
-            }
+            _ => flight.facts.has(Facts::LANDED) || matches!(flight.phase, Phase::Landing | Phase::Emergency),
         });
         if !obeyed && now - self.urgent_sent >= REPEAT {
             out.append(|b| ToVehicle::Order(0, order).encode(b));

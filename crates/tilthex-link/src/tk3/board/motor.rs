@@ -135,6 +135,12 @@ impl Motor {
         self.phase == Phase::Spinning
     }
 
+    /// Whether it is being started.
+    #[must_use]
+    pub fn is_starting(&self) -> bool {
+        matches!(self.phase, Phase::Starting { .. })
+    }
+
     /// The state that it reports, from the measured speed of its rotor, Hz, and its current, A.
     pub fn report(&mut self, number: u8, speed: f64, current: f64) -> MotorFrame {
         self.sequence = self.sequence.wrapping_add(1);

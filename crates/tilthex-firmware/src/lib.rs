@@ -1,0 +1,298 @@
+//! tilthex on the vehicle: one tick reads a board, flies, drives the rotors, and speaks with a base computer.
+//!
+//! The board is a trait, [`Board`]; nothing here knows a processor. The base forwards the poses of motion capture, gives
+//! orders and shows what the vehicle tells: `tilthex-rt console`. The vehicle flies by itself: if the base is silent, or the
+//! poses end, it does what `docs/faults.md` says. `docs/howto/firmware.md` says how to put it onto a board.
+//!
+//! `no_std`, no allocation, no unsafe.
+#![no_std]
+#![forbid(unsafe_code)]
+
+mod board;
+mod inbox;
+mod outbox;
+mod sensing;
+
+pub use board::{Board, Drive, ImuReading, RotorReading};
+
+use inbox::{Inbox, Refused};
+use outbox::Outbox;
+use sensing::Sensors;
+use tilthex_core::{
+    Error, Wrench,
+    admittance::AdmittanceFilter,
+    flight::{Command, Commanded, Flight, FlightParams, HostFacts, Measured, MotorCommand, Route, Telemetry},
+    force_axes::ForceAxes,
+    supervisor::{Fault, Phase},
+    trajectory::{Limits, Waypoint},
+    types::{Matrix6, RotorVector, Vector6},
+};
+use tilthex_link::{
+    Severity,
+    onboard::{Answer, Facts, GoTo, Order, Part},
+};
+
+/// The motors must stand still for this time after a flight before the next one is prepared, s: the base reads how it ended.
+const STANDS: f64 = 1.0;
+
+/// Parameters of the firmware.
+#[derive(Clone, Copy, Debug)]
+pub struct FirmwareParams {
+    /// The flight. It takes off only by order, whatever `take_off` says.
+    pub flight: FlightParams,
+    /// After this time without the operator, s, the vehicle holds, and later lands; 0 for never.
+    pub operator_timeout: f64,
+}
+
+/// The operator whose orders are flown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Operator {
+    /// When the base said something about the operator, s, and how long the operator had been silent then, s.
+    heard: (f64, f64),
+}
+
+/// The firmware of a vehicle that flies itself.
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    params: FirmwareParams,
+    flight: Flight,
+    sensors: Sensors,
+    inbox: Inbox,
+    outbox: Outbox,
+    admittance: AdmittanceFilter,
+    host: HostFacts,
+    operator: Option<Operator>,
+    answer: Answer,
+    out: Commanded,
+    /// When the flight was over and the motors stood still, s.
+    over: Option<f64>,
+}
+
+impl Firmware {
+    /// The firmware of a board that was just powered.
+    ///
+    /// # Errors
+    /// The first parameter that a block refuses.
+    pub fn new(params: FirmwareParams) -> Result<Self, Error> {
+        let params = FirmwareParams { flight: FlightParams { take_off: false, ..params.flight }, ..params };
+        Ok(Self {
+            flight: Flight::new(params.flight, None)?,
+            sensors: Sensors::new(params.flight.vehicle.rotor_count()),
+            inbox: Inbox::new()?,
+            outbox: Outbox::new(),
+            admittance: AdmittanceFilter::new(params.flight.controller.admittance)?,
+            host: HostFacts::default(),
+            operator: None,
+            answer: Answer::Nothing,
+            out: Commanded::default(),
+            over: None,
+            params,
+        })
+    }
+
+    /// The flight.
+    #[must_use]
+    pub fn flight(&self) -> &Flight {
+        &self.flight
+    }
+
+    /// The output of the last tick.
+    #[must_use]
+    pub fn output(&self) -> &Commanded {
+        &self.out
+    }
+
+    /// The telemetry of the last tick.
+    #[must_use]
+    pub fn telemetry(&self) -> &Telemetry {
+        &self.sensors.telemetry
+    }
+
+    /// Whether the flight has been over, or was called off before the start, and the motors have stood still for a while. Then
+    /// [`Firmware::renew`] prepares the next one. After a kill the board must be restarted.
+    #[must_use]
+    pub fn finished(&self) -> bool {
+        self.over.is_some_and(|since| self.out.record.input.time - since >= STANDS)
+    }
+
+    /// Whether the flight is over, or was called off, and the motors stand still.
+    fn stands(&self) -> bool {
+        let supervisor = self.flight.supervisor();
+        supervisor.phase() == Phase::Disarmed
+            && (supervisor.landed() || self.host.land)
+            && !supervisor.killed()
+            && !self.sensors.telemetry.any_spinning()
+    }
+
+    /// Prepares the next flight, with the configured parameters. It takes as long as a start of the board; call it between
+    /// two ticks, on the ground.
+    ///
+    /// # Errors
+    /// None, because [`Firmware::new`] has accepted the parameters.
+    pub fn renew(&mut self) -> Result<(), Error> {
+        self.flight = Flight::new(self.params.flight, None)?;
+        self.admittance = AdmittanceFilter::new(self.params.flight.controller.admittance)?;
+        (self.host, self.operator, self.over) = (HostFacts::default(), None, None);
+        Ok(())
+    }
+
+    /// One tick. Call it with the period of the control loop, 2 ms. It neither waits nor panics.
+    pub fn tick(&mut self, board: &mut impl Board) {
+        let micros = board.now_us();
+        let now = micros as f64 * 1e-6;
+        self.sensors.read(board, now);
+        let received = self.inbox.read(board, micros, self.flight.supervisor().phase());
+        // Where nothing was ordered, there is nothing to call off.
+        let ordered = self.operator.is_some() || self.flight.supervisor().phase() != Phase::Disarmed;
+        self.host.land |= received.land && ordered;
+        self.host.kill |= received.kill;
+        if let Some(operator) = &mut self.operator
+            && let Some(silence) = received.heartbeat
+        {
+            operator.heard = (now, silence);
+        }
+        let order = received.order.filter(|(number, _)| self.answer.number() != *number);
+        let command = order.and_then(|(number, order)| self.obey(number, &order, now));
+        self.host.operator_silent = self.operator.is_some_and(|operator| {
+            let (at, silence) = operator.heard;
+            self.params.operator_timeout > 0.0 && now - at + silence > self.params.operator_timeout
+        });
+        let refused_before = self.out.record.faults.contains(Fault::SetpointJump);
+        let measured = Measured {
+            time: now,
+            telemetry: &self.sensors.telemetry,
+            poses: received.poses(),
+            command: command.as_ref(),
+            host: self.host,
+            known: None,
+        };
+        self.flight.tick(&measured, &mut self.out);
+        self.drive(board);
+        self.over = self.over.or(Some(now)).filter(|_| self.stands());
+        let refused = self.out.record.faults.contains(Fault::SetpointJump) && !refused_before;
+        if let (Some((number, _)), true, true) = (order, command.is_some(), refused) {
+            self.refuse(number, "outside the geofence");
+        }
+        match received.refused {
+            Some(Refused::Motors) => {
+                self.outbox.say(Severity::Warning, &["refused: the vehicle flies by itself"])
+            }
+            Some(Refused::Stop) => {
+                self.outbox
+                    .say(Severity::Warning, &["x in flight: a second one within 0.5 s stops the motors"]);
+            }
+            None => {}
+        }
+        let supervisor = self.flight.supervisor();
+        let facts = Facts::default()
+            .and_if(Facts::ESTIMATES, self.flight.estimator().is_initialized())
+            .and_if(Facts::LANDED, supervisor.landed())
+            .and_if(Facts::KILLED, supervisor.killed());
+        let told = (facts, supervisor.ended_by().map(|fault| fault as u8), self.answer);
+        self.outbox.speak(board, micros, &received, &self.sensors, &self.out.record, told);
+    }
+
+    /// Answers an order, and returns the command to the flight if it is carried out.
+    fn obey(&mut self, number: u8, order: &Order, now: f64) -> Option<Command> {
+        match self.command(order) {
+            Ok(command) => {
+                self.answer = Answer::Accepted(number);
+                // From now on the operator must be heard, if this order moves the vehicle or an earlier one has.
+                if order.moves() || self.operator.is_some() {
+                    self.operator = Some(Operator { heard: (now, 0.0) });
+                }
+                Some(command)
+            }
+            Err(reason) => {
+                self.refuse(number, reason);
+                None
+            }
+        }
+    }
+
+    fn refuse(&mut self, number: u8, reason: &str) {
+        self.answer = Answer::Refused(number);
+        self.outbox.say(Severity::Warning, &["order refused: ", reason]);
+    }
+
+    /// The command to the flight that carries an order out, or why it cannot be carried out.
+    fn command(&mut self, order: &Order) -> Result<Command, &'static str> {
+        let supervisor = self.flight.supervisor();
+        let phase = supervisor.phase();
+        let flies = matches!(phase, Phase::Flying | Phase::Holding) && self.flight.on_mission();
+        match order {
+            Order::TakeOff if supervisor.killed() => Err("the motors were killed; restart the board"),
+            Order::TakeOff if supervisor.landed() || self.host.land => Err("the last flight is not over"),
+            Order::TakeOff if phase != Phase::Disarmed => Err("the vehicle has taken off already"),
+            Order::TakeOff => Ok(Command::TakeOff),
+            Order::Admittance(part, diagonal) => self.change(*part, diagonal),
+            Order::Hold | Order::GoTo(_) | Order::ZeroBias if !flies => {
+                Err("the vehicle takes no motions now")
+            }
+            Order::Hold => {
+                let setpoint = &self.out.record.setpoint;
+                let limits = self.params.flight.guidance.limits;
+                go_to(&GoTo {
+                    position_w: setpoint.position_w,
+                    rotation_we: setpoint.rotation_we,
+                    duration: 0.0,
+                    limits,
+                })
+            }
+            Order::GoTo(place) => go_to(place),
+            Order::ZeroBias => Ok(Command::ZeroBias),
+            // They are urgent, and do not come here.
+            Order::Land | Order::Kill => Err("it has no number"),
+        }
+    }
+
+    /// Changes a part of the admittance filter.
+    fn change(&mut self, part: Part, diagonal: &Vector6) -> Result<Command, &'static str> {
+        let params = self.admittance.params();
+        let matrices = [&params.mass, &params.damping, &params.stiffness];
+        if matrices.iter().any(|matrix| **matrix != Matrix6::from_diagonal(&matrix.diagonal())) {
+            return Err("the configured admittance is not diagonal");
+        }
+        let [mut mass, mut damping, mut stiffness] = matrices.map(Matrix6::diagonal);
+        match part {
+            Part::Mass => mass = *diagonal,
+            Part::Damping => damping = *diagonal,
+            Part::Stiffness => stiffness = *diagonal,
+        }
+        let filter = self.admittance.with_diagonals(&mass, &damping, &stiffness);
+        self.admittance = filter.map_err(|_| "such an admittance is not possible")?;
+        Ok(Command::SetAdmittance(self.admittance))
+    }
+
+    /// Gives the rotors their set-points.
+    fn drive(&self, board: &mut impl Board) {
+        for rotor in 0..self.params.flight.vehicle.rotor_count() {
+            board.drive(rotor, set_point(&self.out.motors, rotor));
+        }
+    }
+}
+
+/// The set-point of a rotor, from 0, in a command.
+fn set_point(command: &MotorCommand, rotor: usize) -> Drive {
+    let of = |speeds: &RotorVector| speeds.get(rotor).copied().unwrap_or(0.0);
+    match command {
+        MotorCommand::Alone(alone, speeds) if rotor == *alone => Drive::Start(of(speeds)),
+        MotorCommand::Stop | MotorCommand::Kill | MotorCommand::Alone(..) => Drive::Stop,
+        MotorCommand::Start(speeds) => Drive::Start(of(speeds)),
+        MotorCommand::Turn(speeds) => Drive::Turn(of(speeds)),
+    }
+}
+
+/// The command to fly to a place.
+fn go_to(place: &GoTo) -> Result<Command, &'static str> {
+    let waypoint = Waypoint {
+        position_w: place.position_w,
+        rotation_we: place.rotation_we,
+        wrench_w: Wrench::ZERO,
+        force_axes: ForceAxes::NONE,
+        duration: place.duration,
+        hold: 0.0,
+    };
+    let limits: Limits = place.limits;
+    Route::new(&[waypoint], &limits).map(Command::Play).map_err(|_| "no such motion is possible")
+}

@@ -1,0 +1,414 @@
+//! A vehicle that flies itself, with its base at the other end of the line, on virtual time.
+
+#![allow(clippy::unwrap_used)]
+
+use std::{collections::VecDeque, sync::OnceLock};
+
+use proptest::{collection::vec, prelude::*};
+use tilthex_config::{Config, VehicleSection};
+use tilthex_core::{
+    PoseSample, RotorVector, Vector3, Vector6, Wrench,
+    flight::{Command, Commanded, Flight, Measured, MotorCommand, Record},
+    supervisor::{Fault, Phase},
+    trajectory::Limits,
+};
+use tilthex_link::{
+    Outgoing,
+    onboard::{Base, BaseParams, Event, GoTo, Order, Part},
+};
+use tilthex_sim::{
+    Own, Simulation, SimulationParams,
+    onboard::{Onboard, firmware_params},
+};
+
+/// The base's clock when the vehicle was powered, s.
+const EPOCH: f64 = 5000.0;
+/// Delay of a pose, s.
+const LATENCY: f64 = 0.008;
+
+fn config() -> Config {
+    Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"))
+}
+
+/// The vehicle, the base, and the line between them.
+#[derive(Clone)]
+struct World {
+    simulation: Simulation<Own, Onboard>,
+    base: Base,
+    poses: VecDeque<PoseSample>,
+    ticks: u64,
+    /// Whether the line transports nothing.
+    cut: bool,
+    /// Whether motion capture sends nothing.
+    blind: bool,
+    /// How long the operator has been silent, s.
+    silence: f64,
+    records: Vec<Record>,
+    texts: Vec<String>,
+    answers: Vec<bool>,
+}
+
+impl World {
+    fn new() -> Self {
+        let config = config();
+        let vehicle = *config.vehicle().vehicle();
+        let params = SimulationParams::new(vehicle);
+        let board = Onboard::new(firmware_params(&config).unwrap(), params.firmware.battery).unwrap();
+        let base = Base::new(BaseParams {
+            rotor_count: vehicle.rotor_count(),
+            tool: *vehicle.tool(),
+            record_period_us: 20_000,
+            battery_period_us: 1_000_000,
+        });
+        Self {
+            simulation: Simulation::with_board(params, board),
+            base: base.unwrap(),
+            poses: VecDeque::new(),
+            ticks: 0,
+            cut: false,
+            blind: false,
+            silence: 0.0,
+            records: Vec::new(),
+            texts: Vec::new(),
+            answers: Vec::new(),
+        }
+    }
+
+    fn now(&self) -> f64 {
+        EPOCH + self.simulation.now() as f64 * 1e-6
+    }
+
+    /// 2 ms: one tick of the firmware, and one of the base.
+    fn tick(&mut self) {
+        let mut bytes = Vec::new();
+        for _ in 0..2 {
+            self.simulation.advance(&mut bytes);
+        }
+        let now = self.now();
+        self.ticks += 1;
+        if self.ticks.is_multiple_of(5) && !self.blind {
+            let (position_w, rotation_wr) = self.simulation.captured_pose();
+            let arrival = now + LATENCY;
+            self.poses.push_back(PoseSample {
+                time: now,
+                arrival,
+                position_w,
+                rotation_wr,
+                tracking_valid: true,
+            });
+        }
+        if self.cut {
+            self.poses.clear();
+            return;
+        }
+        let Self { base, poses, records, texts, answers, .. } = self;
+        let mut tell = |event| match event {
+            Event::Record(record) => records.push(record),
+            Event::Text(_, text) => texts.push(text.to_string()),
+            Event::Answered(_, accepted) => answers.push(accepted),
+            Event::Unanswered(order) => panic!("no answer to {order:?}"),
+            Event::Restarted => texts.push("restarted".into()),
+        };
+        base.receive(&bytes, now, &mut tell);
+        let mut out = Outgoing::default();
+        while poses.front().is_some_and(|pose| pose.arrival <= now) {
+            base.pose(&poses.pop_front().unwrap(), now, &mut out);
+        }
+        base.talk(now, self.silence, &mut out, &mut tell);
+        self.simulation.receive(out.bytes(), &mut Vec::new());
+    }
+
+    fn run(&mut self, seconds: f64) {
+        for _ in 0..(500.0 * seconds) as usize {
+            self.tick();
+        }
+    }
+
+    fn until(&mut self, seconds: f64, mut done: impl FnMut(&Self) -> bool) {
+        let end = self.now() + seconds;
+        while !done(self) {
+            self.tick();
+            assert!(self.now() < end, "{:?} {:?}", self.phase(), self.texts);
+        }
+    }
+
+    /// The record on the vehicle.
+    fn record(&self) -> &Record {
+        &self.simulation.firmware().firmware().output().record
+    }
+
+    fn phase(&self) -> Phase {
+        self.record().phase
+    }
+
+    fn on_mission(&self) -> bool {
+        self.phase() == Phase::Flying && self.simulation.firmware().firmware().flight().on_mission()
+    }
+
+    fn order(&mut self, order: Order) {
+        let now = self.now();
+        assert!(self.base.order(order, now), "{order:?}");
+    }
+
+    fn landed(&mut self) {
+        self.until(30.0, |world| world.phase() == Phase::Disarmed);
+        self.run(0.2);
+        assert!(self.simulation.stands() && !self.simulation.firmware().any_spins());
+    }
+
+    /// Hovers, and has learnt its bias.
+    fn hover() -> Self {
+        static HOVER: OnceLock<World> = OnceLock::new();
+        HOVER
+            .get_or_init(|| {
+                let mut world = Self::new();
+                world.until(5.0, |world| world.base.flight().is_some());
+                world.run(1.0);
+                world.order(Order::TakeOff);
+                world.until(30.0, Self::on_mission);
+                world
+            })
+            .clone()
+    }
+}
+
+#[test]
+fn it_takes_off_yields_to_a_push_and_lands_by_order() {
+    let mut world = World::hover();
+    assert_eq!(world.answers, [true]);
+    world.run(2.0);
+    let before = world.simulation.truth().tool_position_w;
+    let force = Vector3::new(1.4, 0.0, 0.0);
+    world.simulation.disturb(Wrench { force, torque: Vector3::zeros() }, Wrench::ZERO);
+    world.run(6.0);
+    let yielded = world.simulation.truth().tool_position_w - before;
+    let admittance = config().admittance().clone();
+    let spring = (force.x - admittance.force_dead_zone) / admittance.stiffness.0[(0, 0)];
+    assert!((yielded.x - spring).abs() < 0.03, "{yielded} {spring}");
+    // The base sees what the vehicle estimates.
+    let (here, there) = (world.record(), world.records.last().unwrap());
+    assert_eq!((there.phase, there.compliant), (Phase::Flying, true));
+    assert!((there.state.position_w - here.state.position_w).norm() < 0.01);
+    assert!((there.wrench_tool_w.force - force).norm() < 0.3, "{}", there.wrench_tool_w.force);
+    assert!((there.position_error_w - here.position_error_w).norm() < 0.01);
+    assert!((there.input.time - world.now()).abs() < 0.05);
+    assert!((there.rotor_speeds[0] - here.rotor_speeds[0]).abs() < 3.0 && there.battery > 10.0);
+    assert!(there.contact_likelihood.is_nan(), "what the vehicle does not send is not known");
+    world.simulation.disturb(Wrench::ZERO, Wrench::ZERO);
+    world.order(Order::Land);
+    world.landed();
+    for text in ["phase: flying", "phase: landing", "fault: operator", "phase: disarmed"] {
+        assert!(world.texts.iter().any(|said| said == text), "{text}: {:?}", world.texts);
+    }
+    // The next flight.
+    world.run(3.0);
+    world.base = World::new().base;
+    world.until(5.0, |world| world.base.flight().is_some());
+    world.order(Order::TakeOff);
+    world.until(30.0, World::on_mission);
+}
+
+#[test]
+fn it_flies_to_a_place_holds_and_refuses_what_it_cannot() {
+    let mut world = World::hover();
+    let start = world.record().setpoint;
+    let limits =
+        Limits { velocity: 0.5, acceleration: 0.5, angular_velocity: 0.5, angular_acceleration: 0.5 };
+    let place = GoTo {
+        position_w: start.position_w + Vector3::new(0.4, 0.0, 0.2),
+        rotation_we: start.rotation_we,
+        duration: 0.0,
+        limits,
+    };
+    world.order(Order::GoTo(place));
+    world.run(5.0);
+    assert!((world.record().setpoint.position_w - place.position_w).norm() < 1e-6);
+    world.order(Order::GoTo(GoTo { position_w: start.position_w, ..place }));
+    world.run(0.8);
+    world.order(Order::Hold);
+    world.run(0.1);
+    let held = world.record().setpoint.position_w;
+    world.run(3.0);
+    assert!((world.record().setpoint.position_w - held).norm() < 0.15);
+    assert!((world.record().setpoint.position_w - start.position_w).norm() > 0.1);
+    world.order(Order::GoTo(GoTo { position_w: Vector3::new(500.0, 0.0, 1.0), ..place }));
+    world.run(0.5);
+    world.order(Order::TakeOff);
+    world.run(0.5);
+    assert_eq!(world.answers, [true, true, true, true, false, false]);
+    assert!(
+        world.texts.iter().any(|text| text == "order refused: outside the geofence"),
+        "{:?}",
+        world.texts
+    );
+    assert!(world.texts.iter().any(|text| text == "order refused: the vehicle has taken off already"));
+    assert_eq!(world.phase(), Phase::Flying);
+}
+
+#[test]
+fn its_admittance_is_tuned_in_flight() {
+    let mut world = World::hover();
+    let stiffness = Vector6::new(20.0, 20.0, 20.0, 10.0, 10.0, 5.0);
+    world.order(Order::Admittance(Part::Stiffness, stiffness));
+    world.run(0.2);
+    world.order(Order::Admittance(Part::Mass, Vector6::zeros()));
+    world.run(0.2);
+    assert_eq!(world.answers, [true, true, false], "{:?}", world.texts);
+    world.run(2.0);
+    let before = world.simulation.truth().tool_position_w;
+    let force = Vector3::new(3.0, 0.0, 0.0);
+    world.simulation.disturb(Wrench { force, torque: Vector3::zeros() }, Wrench::ZERO);
+    world.run(6.0);
+    let yielded = world.simulation.truth().tool_position_w - before;
+    let spring = (force.x - config().admittance().force_dead_zone) / stiffness.x;
+    assert!((yielded.x - spring).abs() < 0.03, "{yielded} {spring}");
+}
+
+/// The reactions of docs/faults.md, without a base.
+#[test]
+fn a_line_that_is_cut_in_flight_makes_it_land() {
+    let mut world = World::hover();
+    world.cut = true;
+    world.until(0.4, |world| world.phase() == Phase::Holding);
+    world.until(1.0, |world| world.phase() == Phase::Landing);
+    assert!(world.record().faults.contains(Fault::PoseLostLong));
+    assert!(!world.record().faults.contains(Fault::LinkLost), "its sensors are on board");
+    world.landed();
+}
+
+#[test]
+fn a_blind_base_makes_it_land_although_the_operator_is_there() {
+    let mut world = World::hover();
+    world.blind = true;
+    world.until(2.0, |world| world.phase() == Phase::Landing);
+    assert!(!world.record().faults.contains(Fault::OperatorGone));
+    world.landed();
+}
+
+#[test]
+fn a_silent_operator_makes_it_hold_and_then_land() {
+    let mut world = World::hover();
+    let timeout = config().supervisor().operator_timeout;
+    world.silence = timeout + 0.1;
+    world.run(0.5);
+    assert_eq!(world.phase(), Phase::Holding);
+    world.silence = 0.0;
+    world.run(1.0);
+    assert_eq!(world.phase(), Phase::Flying);
+    world.silence = timeout + 0.1;
+    world.until(10.0, |world| world.phase() == Phase::Landing);
+    assert!(world.record().faults.contains(Fault::OperatorGoneForGood));
+    world.landed();
+}
+
+/// All bytes of messages that would turn, stop or throttle motors.
+#[test]
+fn the_base_cannot_turn_motors_and_stops_them_only_with_two_messages() {
+    let mut world = World::hover();
+    let commanded = |world: &World| world.simulation.firmware().firmware().output().motors;
+    let mut other = world.clone();
+    for bytes in [
+        &b"^g\x01$"[..],
+        b"^w\x21\xa1\x21\xa1\x21\xa1\x21\xa1\x21\xa1\x21\xa1$",
+        b"^q\x00\x00$",
+        b"^x\x01$",
+        b"^x$",
+    ] {
+        world.simulation.receive(bytes, &mut Vec::new());
+        world.run(1.0);
+        other.run(1.0);
+        assert_eq!(commanded(&world), commanded(&other), "{bytes:?}");
+    }
+    for said in
+        ["refused: the vehicle flies by itself", "x in flight: a second one within 0.5 s stops the motors"]
+    {
+        assert!(world.texts.iter().any(|text| text == said), "{:?}", world.texts);
+    }
+    world.simulation.receive(b"^x$", &mut Vec::new());
+    world.run(0.3);
+    assert!(world.phase().in_flight());
+    world.simulation.receive(b"^x$", &mut Vec::new());
+    world.tick();
+    assert_eq!(commanded(&world), MotorCommand::Kill);
+    assert!(!world.simulation.firmware().any_spins());
+}
+
+#[test]
+fn a_kill_is_obeyed_in_the_next_tick_and_nothing_starts_the_motors_again() {
+    let mut world = World::hover();
+    world.order(Order::Kill);
+    world.run(0.006);
+    assert!(!world.simulation.firmware().any_spins());
+    world.run(3.0);
+    world.order(Order::TakeOff);
+    world.run(3.0);
+    assert_eq!(world.phase(), Phase::Disarmed);
+    assert_eq!(world.answers.last(), Some(&false));
+    assert!(world.base.flight().unwrap().facts.has(tilthex_link::onboard::Facts::KILLED));
+}
+
+#[test]
+fn a_take_off_that_is_called_off_does_not_wait_for_the_next_operator() {
+    let mut world = World::new();
+    world.blind = true;
+    world.until(5.0, |world| world.base.flight().is_some());
+    world.order(Order::TakeOff);
+    world.run(0.5);
+    world.order(Order::Land);
+    world.run(2.0);
+    world.blind = false;
+    world.run(5.0);
+    assert_eq!(world.phase(), Phase::Disarmed);
+}
+
+/// The flight's own inputs, given to another flight, give the same command to each rotor, bit for bit.
+#[test]
+fn it_is_the_same_flight_as_everywhere_bit_for_bit() {
+    let mut world = World::new();
+    let mut flight = Flight::new(firmware_params(&config()).unwrap().flight, None).unwrap();
+    let mut out = Commanded::default();
+    let mut poses = 0;
+    for k in 0..10_000 {
+        if k == 1000 {
+            world.order(Order::TakeOff);
+        }
+        world.tick();
+        let firmware = world.simulation.firmware().firmware();
+        let input = &firmware.output().record.input;
+        let command = input.command.then_some(&Command::TakeOff);
+        poses += input.poses().len();
+        let telemetry = firmware.telemetry();
+        let measured = Measured {
+            time: input.time,
+            telemetry,
+            poses: input.poses(),
+            command,
+            host: input.host,
+            known: None,
+        };
+        flight.tick(&measured, &mut out);
+        assert_eq!(out.motors, firmware.output().motors, "tick {k}");
+        let bits = |record: &Record| record.rotor_command.map(f64::to_bits);
+        assert_eq!(bits(&out.record), bits(&firmware.output().record), "tick {k}");
+    }
+    assert!(poses > 1000 && world.on_mission() && out.record.rotor_command != RotorVector::zeros());
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(24))]
+
+    /// Bytes of a broken line between the messages of the base. A message that is hit is lost, and nothing else happens.
+    #[test]
+    fn garbage_on_the_line_changes_nothing(garbage in vec(vec(any::<u8>(), 0..100), 100)) {
+        let mut world = World::hover();
+        let mut clean = world.clone();
+        for bytes in garbage {
+            // The garbage ends with a frame that is cut, so that it does not hit the next message.
+            world.simulation.receive(&[&bytes[..], b"^!"].concat(), &mut Vec::new());
+            world.tick();
+            clean.tick();
+            prop_assert_eq!(&world.simulation.firmware().firmware().output().motors, &clean.simulation.firmware().firmware().output().motors);
+        }
+        prop_assert_eq!(world.phase(), Phase::Flying);
+    }
+}
