@@ -49,9 +49,15 @@ impl Flags {
     /// Whether the vehicle flies the orders of an operator whose last message is more than `patience` older than `now`.
     #[must_use]
     pub fn operator_silent(&self, now: Nanos, patience: Nanos) -> bool {
+        self.operator_silence(now) > patience
+    }
+
+    /// Time from the operator's last message to `now`; 0 while the vehicle does not fly an operator's orders.
+    #[must_use]
+    pub fn operator_silence(&self, now: Nanos) -> Nanos {
         match self.heard.load(Relaxed) {
-            0 => false,
-            heard => now.saturating_sub(heard) > patience,
+            0 => 0,
+            heard => now.saturating_sub(heard),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Keys of the terminal in which the program runs: `K` stops the motors at once.
+//! Keys of the terminal in which the program runs, for example `K`, which stops the motors at once.
 
 use std::{
     io,
@@ -19,10 +19,19 @@ use rustix::{
 
 use crate::flags::Flags;
 
-/// The key that stops the motors: a capital letter, so that nobody presses it by mistake.
+/// The key that stops the motors. All keys are capital letters, so that nobody presses them by mistake.
 pub(crate) const KILL: u8 = b'K';
 /// Time between two tests of whether the thread must end.
 const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 50_000_000 };
+
+/// A key, and what it does.
+pub(crate) type Key = (u8, Box<dyn Fn() + Send>);
+
+/// The key that stops the motors.
+pub(crate) fn kill(flags: &Flags) -> Key {
+    let flags = flags.clone();
+    (KILL, Box::new(move || flags.kill()))
+}
 
 /// Reads the terminal's keys. It restores the terminal's settings when it is dropped.
 pub(crate) struct Keys {
@@ -33,7 +42,7 @@ pub(crate) struct Keys {
 
 impl Keys {
     /// Starts to read keys, if standard input is a terminal and this program is in its foreground.
-    pub(crate) fn watch(flags: Flags) -> Option<Self> {
+    pub(crate) fn watch(known: Vec<Key>) -> Option<Self> {
         let terminal = stdin();
         let before = tcgetattr(terminal).ok()?;
         if tcgetpgrp(terminal).ok()? != getpgrp() {
@@ -48,7 +57,7 @@ impl Keys {
         let read = move || {
             // After an error the terminal is gone, and no more keys come.
             while !stop.load(Ordering::Relaxed) {
-                if read(&flags).is_err() {
+                if read(&known).is_err() {
                     return;
                 }
             }
@@ -59,7 +68,7 @@ impl Keys {
 }
 
 /// Waits for [`LOOK`] at most, and handles the keys that were pressed.
-fn read(flags: &Flags) -> io::Result<()> {
+fn read(known: &[Key]) -> io::Result<()> {
     let mut waiting = [PollFd::from_borrowed_fd(stdin(), PollFlags::IN)];
     if poll(&mut waiting, Some(&LOOK))? == 0 {
         return Ok(());
@@ -68,16 +77,17 @@ fn read(flags: &Flags) -> io::Result<()> {
     match rustix::io::read(stdin(), &mut struck)? {
         0 => Err(io::ErrorKind::UnexpectedEof.into()),
         count => {
-            take(struck.get(..count).unwrap_or_default(), flags);
+            take(struck.get(..count).unwrap_or_default(), known);
             Ok(())
         }
     }
 }
 
-fn take(struck: &[u8], flags: &Flags) {
+fn take(struck: &[u8], known: &[Key]) {
     // Only this key alone: pasted text and the sequence of a cursor key are not orders.
-    if !struck.is_empty() && struck.iter().all(|&key| key == KILL) {
-        flags.kill();
+    let alone = |key: &Key| !struck.is_empty() && struck.iter().all(|byte| *byte == key.0);
+    if let Some((_, act)) = known.iter().find(|key| alone(key)) {
+        act();
     }
 }
 
@@ -101,7 +111,7 @@ mod tests {
             [(&b"K"[..], true), (b"KK", true), (b"k", false), (b"OK\n", false), (b"", false)]
         {
             let flags = Flags::default();
-            take(struck, &flags);
+            take(struck, &[kill(&flags)]);
             assert_eq!(flags.kills(), kills, "{struck:?}");
         }
     }

@@ -43,6 +43,12 @@ pub fn file(path: &Path) -> Result<Replay, Failure> {
 /// If it is not a log of a flight, or ticks are missing: the part of a sentence that follows the log's name.
 pub fn replay(log: &LogReader) -> Result<Replay, String> {
     let attachments = log.attachments();
+    if attachments.on_board {
+        return Err(
+            "is the log of a console: the vehicle flew by itself, and the flight cannot be run again here"
+                .into(),
+        );
+    }
     let set_up =
         |e: &dyn std::fmt::Display| format!("has a configuration that this version cannot read: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;

@@ -16,9 +16,12 @@ use clap::Parser;
 use toml::{Table, Value};
 
 use tilthex_config::{Config, TruthSection, VehicleSection};
-use tilthex_link::{LinkKind, board::LinkBoard};
+use tilthex_link::{LinkKind, board::Board};
 use tilthex_mocap::net::{LineParams, MocapUri};
-use tilthex_sim::{Body, Pushes, STEP, Simulation, SimulationParams};
+use tilthex_sim::{
+    Body, Pushes, STEP, Simulation, SimulationParams,
+    onboard::{self, Onboard},
+};
 
 use crate::{
     Failure, failure,
@@ -49,6 +52,10 @@ pub struct Args {
     /// Protocol of the vehicle's link, as `protocol` in the section `[link]` [default: the configuration's]
     #[arg(long, value_name = "LINK")]
     pub protocol: Option<String>,
+
+    /// The vehicle flies itself, with tilthex on board, and takes poses and orders from tilthex-rt console
+    #[arg(long, conflicts_with_all = ["protocol", "world", "udp"])]
+    pub on_board: bool,
 
     /// With px4: send datagrams to this address, at which tilthex-rt --port px4+udp://:PORT listens, instead of using
     /// the pseudo-terminal
@@ -155,6 +162,10 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
         if let Some(path) = &args.pushes {
             params.pushes = Pushes::read(path)?;
         }
+        if args.on_board {
+            let board = Onboard::new(onboard::firmware_params(config)?, params.firmware.battery)?;
+            return serve(args, config, Simulation::with_board(params, board), CAPTURE_EVERY, line);
+        }
         let board = board(config, &params)?;
         return serve(args, config, Simulation::with_board(params, board), CAPTURE_EVERY, line);
     };
@@ -177,10 +188,10 @@ fn start(args: &Args, config: &Config) -> Result<Server, Failure> {
 
 /// Connects the simulation with a pseudo-terminal and with motion capture. The cameras take a pose every `every` cycles;
 /// their line has the given default latency and jitter (s).
-fn serve<B: Body + Send + 'static>(
+fn serve<B: Body + Send + 'static, F: Board + Send + 'static>(
     args: &Args,
     config: &Config,
-    simulation: Simulation<B, LinkBoard>,
+    simulation: Simulation<B, F>,
     every: u64,
     line: (f64, f64),
 ) -> Result<Server, Failure> {
@@ -200,7 +211,7 @@ fn serve<B: Body + Send + 'static>(
     let up_axis = config.mocap().up_axis()?;
     let mut capture = args.mocap.as_ref().map(|uri| Capture::start(uri, up_axis, line)).transpose()?;
     let mut cycle = 0_u64;
-    let observer = move |at, simulation: &mut Simulation<B, LinkBoard>| {
+    let observer = move |at, simulation: &mut Simulation<B, F>| {
         cycle += 1;
         if let Some(capture) = capture.as_mut().filter(|_| cycle.is_multiple_of(every)) {
             capture.show(at, simulation);

@@ -49,8 +49,12 @@ fn faulty_flight(attached: impl FnOnce(&Config) -> String) -> Vec<u8> {
         ],
         3,
     );
-    let attachments =
-        Attachments { config: attached(&config), trajectory: Some(TRAJECTORY.into()), take_off: true };
+    let attachments = Attachments {
+        config: attached(&config),
+        trajectory: Some(TRAJECTORY.into()),
+        take_off: true,
+        on_board: false,
+    };
     let mut log = FlightLog::new(Vec::new(), Index::Written, Epoch::now(), 6, &attachments).expect("begins");
     let mut orders = Orders::new(&config);
     let mut pending = ORDERS.iter().peekable();

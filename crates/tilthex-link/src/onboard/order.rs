@@ -53,6 +53,22 @@ pub enum Order {
 }
 
 impl Order {
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::TakeOff => "take off",
+            Self::Land => "land",
+            Self::Kill => "kill",
+            Self::Hold => "hold",
+            Self::GoTo(_) => "go to a place",
+            Self::ZeroBias => "learn the bias",
+            Self::Admittance(Part::Mass, _) => "change the mass of the admittance",
+            Self::Admittance(Part::Damping, _) => "change the damping of the admittance",
+            Self::Admittance(Part::Stiffness, _) => "change the stiffness of the admittance",
+        }
+    }
+
     /// Whether it is carried out whenever it arrives: it is not numbered, and not answered.
     #[must_use]
     pub fn is_urgent(&self) -> bool {

@@ -30,17 +30,15 @@ pub struct Args {
     #[command(flatten)]
     pub(super) setup: Setup,
 
+    #[command(flatten)]
+    pub(super) rights: Rights,
+
     /// Way-points to fly after take-off [default: hover]
     #[arg(long, value_name = "FILE.toml")]
     pub trajectory: Option<PathBuf>,
 
-    /// The log to write [default: the configuration's]
-    #[arg(long, value_name = "FILE.mcap")]
-    pub log: Option<PathBuf>,
-
-    /// Replace the log's file if it exists
-    #[arg(long)]
-    pub overwrite: bool,
+    #[command(flatten)]
+    pub(super) log: LogTo,
 
     /// Land this many seconds after take-off [default: when the trajectory ends, or on Ctrl-C]
     #[arg(long, value_name = "S")]
@@ -74,15 +72,8 @@ pub struct Args {
     #[arg(long)]
     pub take_off: bool,
 
-    /// Take orders at this address, for example from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket
-    /// that only this user may use
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
-    pub control: Option<String>,
-
-    /// Take orders only from clients that first send the token in this file; needed if other computers can reach
-    /// ADDRESS
-    #[arg(long, value_name = "FILE", requires = "control")]
-    pub control_token_file: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) control: Control,
 
     /// Fly the vehicle at --port although the configuration has no battery voltage at which it must land
     #[arg(long)]
@@ -116,10 +107,40 @@ pub(super) struct Setup {
     /// Source of the poses, such as natnet://192.168.1.2/TILTHEX [default: the configuration's]
     #[arg(long, value_name = "URI")]
     pub(super) mocap: Option<String>,
+}
 
+/// What the loop demands of this computer.
+#[derive(Clone, Copy, Debug, clap::Args)]
+pub(super) struct Rights {
     /// What to do if this computer denies real-time rights
     #[arg(long, value_enum, default_value = "prefer")]
     pub(super) realtime: Demand,
+}
+
+/// The log of a flight.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct LogTo {
+    /// The log to write [default: the configuration's]
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(super) log: Option<PathBuf>,
+
+    /// Replace the log's file if it exists
+    #[arg(long)]
+    pub(super) overwrite: bool,
+}
+
+/// Orders of other programs.
+#[derive(Clone, Debug, clap::Args)]
+pub(super) struct Control {
+    /// Take orders at this address, for example from `tilthex.connect()`: ADDRESS:PORT, or unix:PATH for a socket
+    /// that only this user may use
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = DEFAULT_ADDRESS)]
+    pub(super) control: Option<String>,
+
+    /// Take orders only from clients that first send the token in this file; needed if other computers can reach
+    /// ADDRESS
+    #[arg(long, value_name = "FILE", requires = "control")]
+    pub(super) control_token_file: Option<PathBuf>,
 }
 
 /// An action instead of a flight.
@@ -129,6 +150,8 @@ pub(super) enum Action {
     Doctor {
         #[command(flatten)]
         setup: Setup,
+        #[command(flatten)]
+        rights: Rights,
         /// Print the result as one JSON object, for scripts
         #[arg(long)]
         json: bool,
@@ -138,6 +161,8 @@ pub(super) enum Action {
         /// The shell
         shell: clap_complete::Shell,
     },
+    /// Forward poses and orders to a vehicle that flies itself with tilthex on board, show what it tells, and log it
+    Console(super::console::Args),
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit
     Replay {
         /// The log
@@ -154,14 +179,6 @@ pub(super) enum Action {
 }
 
 impl Args {
-    /// The token that every client must send first, if the arguments name one.
-    ///
-    /// # Errors
-    /// One sentence: the file cannot be read, or holds no token.
-    pub fn token(&self) -> Result<Option<Token>, Failure> {
-        self.control_token_file.as_deref().map(Token::read).transpose()
-    }
-
     /// Refuses a flight that no order could start, and one whose battery has no limits.
     ///
     /// # Errors
@@ -174,7 +191,7 @@ impl Args {
                  fly without them with --no-battery-limits",
             ));
         }
-        if self.take_off || self.control.is_some() || !(self.sim || self.setup.port.is_some()) {
+        if self.take_off || self.control.control.is_some() || !(self.sim || self.setup.port.is_some()) {
             return Ok(());
         }
         Err(Failure::usage(
@@ -187,11 +204,21 @@ impl Args {
     /// # Errors
     /// One sentence: the file, the section, the key.
     pub fn config(&self) -> Result<Config, Failure> {
-        let config = self.setup.config(self.log.as_deref())?;
+        let config = self.setup.config(self.log.log.as_deref())?;
         if self.duration.is_some_and(|s| !s.is_finite() || s < 0.0) {
             return Err(Failure::usage("--duration is not a time; expected seconds, 0 or more"));
         }
         Ok(config)
+    }
+}
+
+impl Control {
+    /// The token that every client must send first, if the arguments name one.
+    ///
+    /// # Errors
+    /// One sentence: the file cannot be read, or holds no token.
+    pub(super) fn token(&self) -> Result<Option<Token>, Failure> {
+        self.control_token_file.as_deref().map(Token::read).transpose()
     }
 }
 

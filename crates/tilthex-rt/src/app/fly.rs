@@ -15,13 +15,18 @@ use tilthex_mocap::{
 };
 use tilthex_sim::{Own, Pushes, Simulation, SimulationParams};
 
-use super::{Args, report, status};
+use super::{
+    Args,
+    args::Setup,
+    report,
+    status::{self, Says},
+};
 use crate::{
     Failure,
     control::{ControlSocket, Desk},
     control_loop::{ControlLoop, End, LoopParams},
     flags::Flags,
-    keys::Keys,
+    keys::{self, Keys},
     log::{Attachments, LogFile},
     output::{self, say},
     port::Port,
@@ -36,9 +41,9 @@ use crate::{
 /// Time from the exposure of a simulated camera to the sending of the pose, s.
 const CAPTURE_LATENCY: f64 = 0.008;
 /// Number of orders that can wait for the loop.
-const COMMAND_RING: usize = 8;
+pub(super) const COMMAND_RING: usize = 8;
 /// Longest time for which a start without orders waits until everything is ready, s.
-const PATIENCE: f64 = 30.0;
+pub(super) const PATIENCE: f64 = 30.0;
 
 /// Flies.
 pub(super) fn fly(args: &Args) -> Result<(), Failure> {
@@ -61,19 +66,22 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     signals::land_or_ignore(&flags.interrupted)?;
     let log = (!config.log().path.is_empty()).then(|| PathBuf::from(&config.log().path));
     if let Some(path) = &log {
-        LogFile::check(path, args.overwrite)?;
+        LogFile::check(path, args.log.overwrite)?;
     }
-    let token = args.token()?;
+    let token = args.control.token()?;
     let client = config.mocap().client()?;
     args.check_start(&config)?;
     // The log is created, and an old one replaced, only after the vehicle and motion capture have been found.
-    let real = if args.sim { None } else { Some(Peers::connect(args, &config, client)?) };
-    let log = log.map(|path| LogFile::create(&path, args.overwrite)).transpose()?;
-    let (recorder, feed, truths) =
-        Recorder::start(recorder_params(&config, log, trajectory, params.flight.take_off))?;
+    let real = if args.sim { None } else { Some(Peers::connect(&args.setup, &config, client)?) };
+    let log = log.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
+    let (recorder, feed, truths) = {
+        let take_off = params.flight.take_off;
+        let attached = Attachments { trajectory, take_off, ..Attachments::default() };
+        Recorder::start(recorder_params(&config, log, attached))?
+    };
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
     let orders = Orders::new(&config);
-    let control = match &args.control {
+    let control = match &args.control.control {
         Some(address) => {
             let desk = Desk::new(orders, commands_in, recorder.observer(), flags.clone());
             Some(ControlSocket::start(address, token, desk)?)
@@ -112,35 +120,35 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
             patience: args.take_off.then_some(PATIENCE),
         },
     };
-    let running = start(control_loop, args.setup.realtime)?;
+    let running = start(control_loop, args.rights.realtime)?;
     let reference =
-        (args.sim || args.reference).then(|| Reference::start(period, args.setup.realtime).ok()).flatten();
-    let keys = Keys::watch(flags.clone());
+        (args.sim || args.reference).then(|| Reference::start(period, args.rights.realtime).ok()).flatten();
+    let keys = Keys::watch(vec![keys::kill(&flags)]);
     if keys.is_some() {
         say!("Ctrl-C lands; the key K (capital letter) stops the motors at once");
     }
-    let end = status::watch(&running, &recorder.observer());
+    let end = status::watch(&running, &recorder.observer(), Says::Last);
     drop(keys);
     let slept = reference.map(Reference::stop);
     let simulated = simulated.map(Server::stop);
     let recorded = recorder.finish();
     let refused_orders = control.map_or(0, |control| control.refused());
     report::print(&config, &recorded, slept, simulated.as_ref(), refused_orders);
-    report::outcome(end, &name, kind, &flags, &recorded)
+    report::outcome(end, &name, (kind.vehicles(), kind.alone()), &flags, &recorded)
 }
 
 /// The vehicle and the motion capture.
-struct Peers {
-    name: String,
-    port: Port,
-    client: Option<Client>,
-    poses: Consumer<PoseSample>,
+pub(super) struct Peers {
+    pub(super) name: String,
+    pub(super) port: Port,
+    pub(super) client: Option<Client>,
+    pub(super) poses: Consumer<PoseSample>,
 }
 
 impl Peers {
     /// Connects to those that the arguments and the configuration name.
-    fn connect(args: &Args, config: &Config, client: ClientParams) -> Result<Self, Failure> {
-        let Some(port) = &args.setup.port else {
+    pub(super) fn connect(setup: &Setup, config: &Config, client: ClientParams) -> Result<Self, Failure> {
+        let Some(port) = &setup.port else {
             return Err(Failure::usage(
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
             ));
@@ -198,11 +206,11 @@ fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Runn
     Ok(Running { end })
 }
 
-fn recorder_params(
+/// The recorder's parameters: its log, and what is attached to it.
+pub(super) fn recorder_params(
     config: &Config,
     log: Option<LogFile>,
-    trajectory: Option<String>,
-    take_off: bool,
+    attached: Attachments,
 ) -> RecorderParams {
     let black_box = log.as_ref().map_or_else(
         || {
@@ -214,7 +222,7 @@ fn recorder_params(
     RecorderParams {
         log,
         black_box,
-        attachments: Attachments { config: config.to_toml(), trajectory, take_off },
+        attachments: Attachments { config: config.to_toml(), ..attached },
         rotor_count: config.vehicle().vehicle().rotor_count(),
     }
 }

@@ -2,9 +2,10 @@
 
 mod args;
 mod campaign;
+mod console;
 mod fly;
 mod report;
-mod status;
+pub(crate) mod status;
 
 pub use args::Args;
 
@@ -26,9 +27,9 @@ pub fn run() -> Result<(), Failure> {
     match &args.action {
         None if args.print_config => output::print(&args.config()?.to_toml()),
         None => fly::fly(&args),
-        Some(Action::Doctor { setup, json }) => {
+        Some(Action::Doctor { setup, rights, json }) => {
             let port = setup.uri()?.map(|uri| uri.name);
-            let checks = doctor::examine(&setup.config(None)?, port.as_deref(), setup.realtime);
+            let checks = doctor::examine(&setup.config(None)?, port.as_deref(), rights.realtime);
             if *json {
                 output::print(&format!("{:#}\n", doctor::json(&checks)))?;
             } else {
@@ -51,6 +52,7 @@ pub fn run() -> Result<(), Failure> {
             let script = String::from_utf8_lossy(&script).replace("tilthex__subcmd__rt", "tilthex__rt");
             output::print(&script)
         }
+        Some(Action::Console(args)) => console::run(args),
         Some(Action::Replay { log }) => {
             let found = replay::file(log)?;
             output::print(&format!("{} ticks, {} messages run again\n", found.ticks, found.messages))?;

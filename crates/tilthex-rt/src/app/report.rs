@@ -9,7 +9,6 @@ use tilthex_core::{
 };
 
 use tilthex_config::Config;
-use tilthex_link::LinkKind;
 
 use crate::{
     Failure, Kind, control_loop::End, flags::Flags, log::fault_names, output::say, recorder::Recorded,
@@ -88,6 +87,11 @@ pub(super) fn print(
             recorded.latest.dropped
         );
     }
+    print_log(config, recorded);
+}
+
+/// Prints where the log is, and whether it is complete.
+pub(super) fn print_log(config: &Config, recorded: &Recorded) {
     match (&recorded.latest.error, config.log().path.is_empty()) {
         (None, _) if recorded.moved => say!(
             "log                 {} is no longer there: it was moved or replaced in flight",
@@ -113,11 +117,11 @@ fn spring(config: &Config, deflection: &Deflection) -> Vector3 {
     solved.map_or_else(|| Vector3::repeat(f64::NAN), |e| e.fixed_rows::<3>(0).into_owned())
 }
 
-/// The exit status of an end.
+/// The exit status of an end. `vehicles` says in words which vehicles are expected, and `alone` what they do without messages.
 pub(super) fn outcome(
     end: Option<End>,
     port: &str,
-    link: LinkKind,
+    (vehicles, alone): (&str, &str),
     flags: &Flags,
     recorded: &Recorded,
 ) -> Result<(), Failure> {
@@ -149,12 +153,12 @@ pub(super) fn outcome(
             };
             Err(Failure::link(format!(
                 "{port}: no vehicle identified itself: {heard}; expected {}: check port, power and speed of the line",
-                link.vehicles()
+                vehicles
             )))
         }
         Some(End::LinkLost { in_flight: true }) => Err(Failure::link(format!(
             "{port} disappeared in flight: the vehicle {}; check cable and adapter",
-            link.alone()
+            alone
         ))),
         Some(End::LinkLost { in_flight: false }) => {
             Err(Failure::link(format!("{port} disappeared: check cable and adapter")))

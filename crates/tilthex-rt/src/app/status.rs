@@ -59,14 +59,29 @@ impl Texts {
     }
 }
 
+/// The texts of the vehicle that are printed here.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Says {
+    /// The last one, when it has changed.
+    Last,
+    /// None: the console prints all of them.
+    Nothing,
+}
+
+/// What begins a line beside the status line.
+pub(crate) fn clear() -> &'static str {
+    if output::is_terminal() { "\r\x1b[K" } else { "" }
+}
+
 /// Prints the status until the loop ends, why the link is not ready, and what the vehicle says.
-pub(super) fn watch(running: &Running, observer: &Observer) -> Option<End> {
+pub(super) fn watch(running: &Running, observer: &Observer, says: Says) -> Option<End> {
     let terminal = output::is_terminal();
     let begin = Instant::now();
     let (mut complaints, mut texts) = (Complaints::default(), Texts::default());
-    let clear = if terminal { "\r\x1b[K" } else { "" };
+    let clear = clear();
     let mut say = |latest: &Latest| {
-        if let Some(text) = texts.next(latest.statistics.last_text.as_ref()) {
+        let newest = latest.statistics.last_text.as_ref().filter(|_| says == Says::Last);
+        if let Some(text) = texts.next(newest) {
             output::error(format_args!("{clear}tilthex-rt: the vehicle says: {text}"));
         }
     };

@@ -8,6 +8,7 @@ use tilthex_core::{flight::Command, supervisor::Phase};
 
 use super::places::Id;
 use crate::{
+    console::Carrier,
     flags::Flags,
     recorder::{Latest, Observer},
     sleeper::Nanos,
@@ -19,6 +20,8 @@ pub struct Desk {
     counter: Mutex<Counter>,
     observer: Observer,
     flags: Flags,
+    /// For a vehicle that flies itself: which orders can be passed on to it.
+    carrier: Option<Carrier>,
 }
 
 /// State that only one order at a time may change.
@@ -50,7 +53,13 @@ impl Desk {
     #[must_use]
     pub fn new(orders: Orders, ring: Producer<Command>, observer: Observer, flags: Flags) -> Self {
         let counter = Mutex::new(Counter { orders, ring, holder: None, streams: false });
-        Self { counter, observer, flags }
+        Self { counter, observer, flags, carrier: None }
+    }
+
+    /// The same for a vehicle that flies itself: refuses orders that cannot be passed on to it.
+    #[must_use]
+    pub fn through(self, carrier: Carrier) -> Self {
+        Self { carrier: Some(carrier), ..self }
     }
 
     fn counter(&self) -> MutexGuard<'_, Counter> {
@@ -91,6 +100,9 @@ impl Desk {
         let command = orders.parse(&line)?;
         if let Some(reason) = situation.refusal(&command, counter.streams) {
             return Err(format!("{name}: {reason}"));
+        }
+        if let Some(carrier) = &self.carrier {
+            carrier.orders(&command).map_err(|reason| format!("{name}: {reason}"))?;
         }
         if let Some(place) = place {
             orders.check_place(&command, &place)?;

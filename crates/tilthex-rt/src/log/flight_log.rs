@@ -49,6 +49,8 @@ pub struct Attachments {
     pub trajectory: Option<String>,
     /// Whether the vehicle took off without an order.
     pub take_off: bool,
+    /// Whether the vehicle flew by itself: the log holds what it told, and nothing from which the flight could be run again.
+    pub on_board: bool,
 }
 
 /// Names of the attachments and of the metadata.
@@ -56,6 +58,7 @@ pub(super) const CONFIG: &str = "config.toml";
 pub(super) const TRAJECTORY: &str = "trajectory.toml";
 pub(super) const METADATA: &str = "tilthex";
 pub(super) const TAKE_OFF: &str = "take_off";
+pub(super) const ON_BOARD: &str = "on_board";
 const TOML: &str = "application/toml";
 
 /// A log with all channels of a flight.
@@ -122,6 +125,7 @@ impl<W: Write> FlightLog<W> {
         }
         let metadata = [
             (TAKE_OFF.to_string(), attachments.take_off.to_string()),
+            (ON_BOARD.to_string(), attachments.on_board.to_string()),
             ("version".to_string(), env!("CARGO_PKG_VERSION").to_string()),
         ];
         log.metadata(METADATA, metadata.into())?;

@@ -6,7 +6,7 @@ use mcap::records::op;
 
 use super::{
     fields::{ChunkRecord, Fields, MAGIC, MessageRecord, RECORD_HEAD, kind_name},
-    flight_log::{Attachments, CONFIG, METADATA, TAKE_OFF, TRAJECTORY},
+    flight_log::{Attachments, CONFIG, METADATA, ON_BOARD, TAKE_OFF, TRAJECTORY},
     unpack::unpack,
 };
 
@@ -176,6 +176,7 @@ impl Scan {
                 let (name, texts) = body.text().zip(body.map()).ok_or_else(short)?;
                 if name == METADATA {
                     self.attachments.take_off = texts.contains(&(TAKE_OFF, "true"));
+                    self.attachments.on_board = texts.contains(&(ON_BOARD, "true"));
                 }
             }
             op::DATA_END => {

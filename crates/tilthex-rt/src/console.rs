@@ -1,0 +1,354 @@
+//! The base's end of a vehicle that flies itself: forwards poses and orders, and passes on what the vehicle tells.
+//!
+//! It is not a real-time loop. The vehicle does not need it in time: each pose says how old it is.
+
+use std::{
+    collections::VecDeque,
+    sync::{
+        Arc,
+        atomic::{AtomicBool, Ordering},
+    },
+};
+
+use rtrb::Consumer;
+use rustix::{
+    event::{PollFd, PollFlags, poll},
+    time::Timespec,
+};
+use tilthex_core::{
+    PoseSample,
+    admittance::{AdmittanceFilter, AdmittanceParams},
+    flight::{Command, Record},
+    supervisor::{FaultSet, Phase, Reaction, TABLE},
+    types::{Matrix6, Wrench},
+};
+use tilthex_link::{
+    Outgoing, Severity, Text,
+    onboard::{Base, Event, Facts, FlightPart, GoTo, Order, Part},
+};
+use tilthex_sim::feed::{Feed, Tick};
+
+use crate::{
+    app::status::clear,
+    control_loop::End,
+    flags::Flags,
+    output,
+    port::{Port, Written},
+    sleeper::{Clock, Monotonic},
+};
+
+/// Longest wait for bytes of the vehicle; a pose waits as long.
+const LOOK: Timespec = Timespec { tv_sec: 0, tv_nsec: 2_000_000 };
+/// Bytes that are read at once.
+const CHUNK: usize = 1024;
+/// After this silence of the vehicle, s, an interrupt ends the console, and the operator is told.
+const SILENT: f64 = 1.0;
+/// An interrupt before the start ends the console after this time, s: the vehicle must have heard it.
+const CALLED_OFF: f64 = 0.5;
+
+/// When the console ends by itself, and what it orders by itself.
+#[derive(Clone, Copy, Debug)]
+pub struct ConsoleParams {
+    /// Whether to order the take-off as soon as the vehicle is ready.
+    pub take_off: bool,
+    /// Time in which the vehicle must begin to start its motors, s; `None` to wait for orders without a limit.
+    pub patience: Option<f64>,
+}
+
+/// What the console works with.
+pub struct Console {
+    /// The base's end of the conversation.
+    pub base: Base,
+    /// The line to the vehicle.
+    pub port: Port,
+    /// Poses from motion capture.
+    pub poses: Consumer<PoseSample>,
+    /// Orders.
+    pub commands: Consumer<Command>,
+    /// The ring to the recorder.
+    pub feed: Feed,
+    /// Flags of other threads: to land, to kill, and the time of the operator's last message.
+    pub flags: Flags,
+    /// Set by the key that holds; the console clears it.
+    pub hold: Arc<AtomicBool>,
+    /// What can be ordered.
+    pub carrier: Carrier,
+    /// When to order or end.
+    pub params: ConsoleParams,
+}
+
+/// What the console keeps from look to look.
+struct Memory {
+    begin: f64,
+    /// Orders that wait for the answer to the one before.
+    orders: VecDeque<Order>,
+    /// Texts that are not logged yet.
+    texts: VecDeque<(Severity, Text)>,
+    take_off: bool,
+    pose_seen: bool,
+    flew: bool,
+    interrupted: Option<f64>,
+    silent: bool,
+    gone: bool,
+    killed: Option<f64>,
+}
+
+impl Console {
+    /// Runs until the flight is over.
+    pub fn run(&mut self) -> End {
+        let begin = seconds();
+        let mut memory = Memory {
+            begin,
+            orders: VecDeque::new(),
+            texts: VecDeque::new(),
+            take_off: self.params.take_off,
+            pose_seen: false,
+            flew: false,
+            interrupted: None,
+            silent: false,
+            gone: false,
+            killed: None,
+        };
+        loop {
+            // Whatever ends the wait, everything is looked at.
+            let _ = poll(&mut [PollFd::new(&self.port, PollFlags::IN)], Some(&LOOK));
+            self.receive(&mut memory);
+            self.send(&mut memory);
+            if let Some(end) = self.end(&mut memory) {
+                let mut out = Outgoing::default();
+                self.base.part(&mut out);
+                self.port.write(out.bytes());
+                return end;
+            }
+        }
+    }
+
+    /// Takes the bytes that have arrived.
+    fn receive(&mut self, memory: &mut Memory) {
+        let mut bytes = [0; CHUNK];
+        let Some(count) = self.port.read(&mut bytes) else {
+            memory.gone = true;
+            return;
+        };
+        let Self { base, feed, .. } = self;
+        base.receive(&bytes[..count], seconds(), &mut |event| match event {
+            Event::Record(record) => {
+                memory.flew |= record.phase.in_flight();
+                feed.push(&tick(record, memory.texts.pop_front()));
+            }
+            Event::Text(severity, text) => {
+                say(&format!("the vehicle says: {text}"));
+                memory.texts.push_back((severity, text));
+            }
+            Event::Answered(Order::TakeOff, false) => memory.take_off = false,
+            Event::Answered(..) => {}
+            Event::Unanswered(order) => unanswered(&order),
+            Event::Restarted => say("warning: the vehicle's board has started again"),
+        });
+    }
+
+    /// Sends poses, orders and heartbeats.
+    fn send(&mut self, memory: &mut Memory) {
+        while let Ok(pose) = self.poses.pop() {
+            memory.pose_seen |= pose.tracking_valid;
+            let mut out = Outgoing::default();
+            self.base.pose(&pose, seconds(), &mut out);
+            memory.gone |= self.port.write(out.bytes()) == Written::Gone;
+        }
+        let now = seconds();
+        if self.flags.kills() {
+            self.base.order(Order::Kill, now);
+        } else if self.flags.lands() {
+            memory.orders.clear();
+            self.base.order(Order::Land, now);
+        } else {
+            self.pass_on(memory, now);
+        }
+        let silence = self.flags.operator_silence(Monotonic.now()) as f64 * 1e-9;
+        let mut out = Outgoing::default();
+        self.base.talk(now, silence, &mut out, &mut |event| {
+            if let Event::Unanswered(order) = event {
+                unanswered(&order);
+            }
+        });
+        if !out.bytes().is_empty() {
+            memory.gone |= self.port.write(out.bytes()) == Written::Gone;
+        }
+        let silent = self.base.flight().is_some() && self.base.silence(now) > SILENT;
+        if silent && !memory.silent {
+            say("warning: the vehicle is silent; without poses it holds, then lands by itself");
+        }
+        memory.silent = silent;
+    }
+
+    /// Gives the next order to the base.
+    fn pass_on(&mut self, memory: &mut Memory, now: f64) {
+        while let Ok(command) = self.commands.pop() {
+            memory.orders.extend(self.carrier.orders(&command).unwrap_or_default());
+        }
+        if self.hold.swap(false, Ordering::Relaxed) {
+            memory.orders.clear();
+            memory.orders.push_back(Order::Hold);
+        }
+        let ready = |part: &FlightPart| part.phase == Phase::Disarmed && part.facts.has(Facts::ESTIMATES);
+        if memory.take_off && self.base.flight().is_some_and(ready) {
+            memory.orders.push_back(Order::TakeOff);
+            memory.take_off = false;
+        }
+        if let Some(order) = memory.orders.front()
+            && self.base.order(*order, now)
+        {
+            memory.orders.pop_front();
+        }
+    }
+
+    fn end(&self, memory: &mut Memory) -> Option<End> {
+        let now = seconds();
+        if self.base.refused() {
+            return Some(End::NoVehicle);
+        }
+        if memory.gone {
+            return Some(End::LinkLost { in_flight: memory.flew });
+        }
+        let interrupted = self.flags.lands().then(|| *memory.interrupted.get_or_insert(now));
+        let waited = interrupted.is_some_and(|since| now - since >= CALLED_OFF);
+        let Some(flight) = self.base.flight().filter(|_| !memory.silent) else {
+            let silent = if memory.flew { End::LinkLost { in_flight: true } } else { End::Interrupted };
+            return waited.then_some(silent);
+        };
+        if flight.facts.has(Facts::KILLED) {
+            let since = *memory.killed.get_or_insert(now);
+            return (now - since >= CALLED_OFF).then_some(End::Killed { in_flight: memory.flew });
+        }
+        if flight.phase != Phase::Disarmed {
+            return None;
+        }
+        if memory.flew {
+            let fault = flight.ended_by.and_then(|fault| TABLE.get(usize::from(fault)));
+            return Some(End::Landed(fault.map(|row| row.fault)));
+        }
+        if waited {
+            return Some(End::Interrupted);
+        }
+        let late = self.params.patience.is_some_and(|limit| now - memory.begin >= limit);
+        late.then(|| End::NotReady {
+            estimator: None,
+            faults: refusals(flight.faults),
+            pose_seen: memory.pose_seen,
+            link_ready: true,
+            complaint: None,
+        })
+    }
+}
+
+/// Faults that keep the motors from starting.
+fn refusals(active: FaultSet) -> FaultSet {
+    let mut set = FaultSet::NONE;
+    active.rows().for_each(|row| set.insert_if(row.fault, row.on_ground == Reaction::Refuse));
+    set
+}
+
+/// Turns commands into orders for the vehicle.
+#[derive(Clone, Copy, Debug)]
+pub struct Carrier {
+    /// The configured admittance: its axes and limits cannot be changed.
+    pub admittance: AdmittanceParams,
+}
+
+impl Carrier {
+    /// The orders that carry out a command.
+    ///
+    /// # Errors
+    /// Why the vehicle cannot get it, in words.
+    pub fn orders(&self, command: &Command) -> Result<Vec<Order>, &'static str> {
+        match command {
+            Command::TakeOff => Ok(vec![Order::TakeOff]),
+            Command::ZeroBias => Ok(vec![Order::ZeroBias]),
+            Command::Play(route) => match route.waypoints() {
+                [place] if place.wrench_w == Wrench::ZERO && !place.force_axes.any() => {
+                    Ok(vec![Order::GoTo(GoTo {
+                        position_w: place.position_w,
+                        rotation_we: place.rotation_we,
+                        duration: place.duration,
+                        limits: *route.limits(),
+                    })])
+                }
+                _ => Err("a vehicle that flies itself takes one way-point without a wrench at a time"),
+            },
+            Command::SetAdmittance(filter) => self.admittance(filter),
+            Command::Follow(_) | Command::SetWrench(..) | Command::ReleaseWrench => {
+                Err("a vehicle that flies itself takes no set-points and no wrenches from the console")
+            }
+        }
+    }
+
+    /// The orders that change the admittance.
+    fn admittance(&self, filter: &AdmittanceFilter) -> Result<Vec<Order>, &'static str> {
+        let params = filter.params();
+        let parts = [
+            (Part::Mass, &params.mass),
+            (Part::Damping, &params.damping),
+            (Part::Stiffness, &params.stiffness),
+        ];
+        let AdmittanceParams { mass, damping, stiffness, .. } = *params;
+        if *params != (AdmittanceParams { mass, damping, stiffness, ..self.admittance })
+            || parts.iter().any(|(_, matrix)| **matrix != Matrix6::from_diagonal(&matrix.diagonal()))
+        {
+            return Err("a vehicle that flies itself takes only diagonal mass, damping and stiffness");
+        }
+        Ok(parts.map(|(part, matrix)| Order::Admittance(part, matrix.diagonal())).into())
+    }
+}
+
+/// A record for the log, with a text of the vehicle.
+fn tick(record: Record, text: Option<(Severity, Text)>) -> Tick {
+    let mut tick = Tick { record, ..Tick::default() };
+    tick.wire.text = text;
+    tick
+}
+
+fn unanswered(order: &Order) {
+    say(&format!("warning: the vehicle does not answer to the order to {}; check the line", order.name()));
+}
+
+fn say(text: &str) {
+    output::error(format_args!("{}tilthex-rt: {text}", clear()));
+}
+
+fn seconds() -> f64 {
+    Monotonic.now() as f64 * 1e-9
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tilthex_config::{Config, VehicleSection, orders::Orders};
+
+    #[test]
+    fn orders_that_the_vehicle_cannot_get_are_refused() {
+        let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
+        let carrier = Carrier { admittance: config.controller().admittance };
+        let place = r#"{"position": [0, 0, 1], "quaternion_xyzw": [0, 0, 0, 1]}"#;
+        let turn = "[[1,0,0],[0,1,0],[0,0,1]]";
+        for (line, count) in [
+            (r#"{"command": "take_off"}"#.into(), Ok(1)),
+            (r#"{"command": "zero_bias"}"#.into(), Ok(1)),
+            (format!(r#"{{"command": "play", "waypoint": [{place}]}}"#), Ok(1)),
+            (format!(r#"{{"command": "play", "waypoint": [{place}, {place}]}}"#), Err("one way-point")),
+            (r#"{"command": "set_admittance", "stiffness": [9, 9, 9, 8, 8, 8]}"#.into(), Ok(3)),
+            (r#"{"command": "set_admittance", "max_translation": 0.2}"#.into(), Err("only diagonal")),
+            (
+                format!(r#"{{"command": "follow", "position": [0, 0, 1], "rotation": {turn}}}"#),
+                Err("no set-points"),
+            ),
+            (r#"{"command": "release_wrench"}"#.into(), Err("no wrenches")),
+        ] {
+            let command = Orders::new(&config).parse(&line).expect(&line);
+            match (carrier.orders(&command), count) {
+                (Ok(orders), Ok(count)) => assert_eq!(orders.len(), count, "{line}"),
+                (Err(reason), Err(says)) => assert!(reason.contains(says), "{line}: {reason}"),
+                (found, _) => panic!("{line}: {found:?}"),
+            }
+        }
+    }
+}
