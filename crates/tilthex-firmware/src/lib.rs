@@ -9,6 +9,7 @@
 #![forbid(unsafe_code)]
 
 mod board;
+pub mod example;
 mod inbox;
 mod outbox;
 mod sensing;
@@ -32,7 +33,7 @@ use tilthex_link::{
     onboard::{Answer, Facts, GoTo, Order, Part},
 };
 
-/// The motors must stand still for this time after a flight before the next one is prepared, s: the base reads how it ended.
+/// The motors must stand still for this time after a flight before the board restarts, s: the base reads how it ended.
 const STANDS: f64 = 1.0;
 
 /// Parameters of the firmware.
@@ -109,7 +110,7 @@ impl Firmware {
     }
 
     /// Whether the flight has been over, or was called off before the start, and the motors have stood still for a while. Then
-    /// [`Firmware::renew`] prepares the next one. After a kill the board must be restarted.
+    /// the board's program restarts the board, which is ready for the next flight. After a kill, a person must do it.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.over.is_some_and(|since| self.out.record.input.time - since >= STANDS)
@@ -122,18 +123,6 @@ impl Firmware {
             && (supervisor.landed() || self.host.land)
             && !supervisor.killed()
             && !self.sensors.telemetry.any_spinning()
-    }
-
-    /// Prepares the next flight, with the configured parameters. It takes as long as a start of the board; call it between
-    /// two ticks, on the ground.
-    ///
-    /// # Errors
-    /// None, because [`Firmware::new`] has accepted the parameters.
-    pub fn renew(&mut self) -> Result<(), Error> {
-        self.flight = Flight::new(self.params.flight, None)?;
-        self.admittance = AdmittanceFilter::new(self.params.flight.controller.admittance)?;
-        (self.host, self.operator, self.over) = (HostFacts::default(), None, None);
-        Ok(())
     }
 
     /// One tick. Call it with the period of the control loop, 2 ms. It neither waits nor panics.

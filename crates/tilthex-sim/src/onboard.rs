@@ -102,6 +102,7 @@ impl tilthex_firmware::Board for Chips {
 /// The vehicle's board with the firmware on it.
 #[derive(Clone, Debug)]
 pub struct Onboard {
+    params: FirmwareParams,
     firmware: Firmware,
     chips: Chips,
 }
@@ -131,13 +132,23 @@ impl Onboard {
             started: 0,
         };
         let firmware = Firmware::new(params).map_err(|e| SimError::refused(e.to_string()))?;
-        Ok(Self { firmware, chips })
+        Ok(Self { params, firmware, chips })
     }
 
     /// The firmware.
     #[must_use]
     pub fn firmware(&self) -> &Firmware {
         &self.firmware
+    }
+
+    /// The board starts again, for the next flight.
+    #[inline(never)]
+    fn restart(&mut self) {
+        // The parameters were accepted before.
+        if let Ok(firmware) = Firmware::new(self.params) {
+            self.firmware = firmware;
+            self.chips.noted.first_start = None;
+        }
     }
 
     /// Whether a motor spins.
@@ -184,8 +195,8 @@ impl Board for Onboard {
             chips.noted.first_start.get_or_insert(now);
         }
         out.append(&mut chips.sent);
-        if self.firmware.finished() && self.firmware.renew().is_ok() {
-            chips.noted.first_start = None;
+        if self.firmware.finished() {
+            self.restart();
         }
     }
 

@@ -412,3 +412,12 @@ proptest! {
         prop_assert_eq!(world.phase(), Phase::Flying);
     }
 }
+
+/// The example that a person copies flies as the configuration of its vehicle.
+#[test]
+fn the_example_has_the_values_of_the_configuration() {
+    let configured = firmware_params(&config()).unwrap();
+    let watch = configured.flight.watch;
+    let example = tilthex_firmware::example::tilt_hex((watch.battery_low, watch.battery_critical)).unwrap();
+    assert_eq!(format!("{example:#?}"), format!("{configured:#?}"));
+}

@@ -31,6 +31,9 @@ use crate::{
 /// If the simulation lags behind the clock by more than this, ns, it skips this time instead of simulating it.
 const HOPELESS: Nanos = 1_000_000_000;
 
+/// Stack of the simulation's thread, bytes: a vehicle that flies itself makes a new flight on it.
+const STACK: usize = 4 << 20;
+
 /// What the simulated vehicle measured.
 #[derive(Clone, Debug, Default)]
 pub struct Report {
@@ -95,7 +98,7 @@ impl Server {
         };
         let thread = std::thread::Builder::new()
             .name("sim".into())
-            .stack_size(512 * 1024)
+            .stack_size(STACK)
             .spawn(move || worker.run(&stopped))?;
         Ok(Self { path, stop, thread: Some(thread) })
     }
