@@ -1,0 +1,94 @@
+"""A vehicle that flies itself, behind a real pseudo-terminal, and its console."""
+
+import contextlib
+import json
+import re
+import signal
+import socket
+
+import numpy as np
+import pytest
+import tilthex
+from test_programs import control_port, run, sentence, started, wait_for
+
+pytestmark = pytest.mark.real_time
+
+
+@contextlib.contextmanager
+def vehicle(*arguments):
+    """A vehicle that flies itself, and motion capture: the options for its console."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        poses = f"natnet://127.0.0.1:{free.getsockname()[1]}/TILTHEX"
+    with started("--on-board", "--mocap", poses, *arguments, name="tilthex-sim") as process:
+        yield process, ["--port", process.stdout.readline().strip(), "--mocap", poses]
+
+
+def test_a_flight_through_the_console(tmp_path):
+    log = tmp_path / "console.mcap"
+    with vehicle() as (_, console):
+        options = [*console, "--take-off", "--control", "127.0.0.1:0", "--log", log]
+        with started("console", *options) as process:
+            flight = tilthex.connect(port=control_port(process))
+            begin = wait_for(flight, lambda state: state.phase == "flying" and state.compliant)
+            flight.set_admittance(stiffness=[20.0, 20.0, 20.0, 10.0, 10.0, 5.0])
+            with pytest.raises(tilthex.OrderError, match="takes no set-points and no wrenches"):
+                flight.release_wrench()
+            goal = np.add(begin.reference.position, [0.2, 0.0, 0.1])
+            flight.play([{"position": list(goal), "quaternion_xyzw": [0.0, 0.0, 0.0, 1.0]}])
+            there = wait_for(flight, lambda state: np.linalg.norm(state.reference.position - goal) < 0.02)
+            # What the vehicle does not send is not known.
+            assert np.isnan(there.contact_likelihood) and 10.0 < there.battery < 20.0
+            flight.land()
+            out, errors = process.communicate(timeout=60)
+            assert process.returncode == 0, errors
+        assert "order refused" not in errors and "does not answer" not in errors, errors
+        said = re.findall(r"the vehicle says: phase: (\w+)", errors)
+        # A stalled machine holds the poses back, and the start begins again.
+        assert said[-3:] == ["flying", "landing", "disarmed"] and said[0] == "starting", said
+        assert int(re.search(r"records +(\d+)", out)[1]) > 200
+    kept = tilthex.load(log)
+    assert kept["/state"]["position_w"].shape[0] > 200
+    lines = [str(text) for text in kept["/log"]["message"]]
+    assert "phase: landing" in lines and any(line.startswith("flying -> landing") for line in lines)
+    assert "vehicle flew by itself" in sentence(run("replay", log), 2)
+
+
+def test_the_console_is_killed_in_flight_and_the_vehicle_lands():
+    with vehicle() as (simulated, console):
+        with started("console", *console, "--take-off", "--control", "127.0.0.1:0") as process:
+            flight = tilthex.connect(port=control_port(process))
+            wait_for(flight, lambda state: state.phase == "flying" and state.compliant)
+            process.kill()
+        # It has no poses any more, and lands. Another console finds it on the ground, ready for the next flight.
+        with started("console", *console, "--control", "127.0.0.1:0") as process:
+            flight = tilthex.connect(port=control_port(process))
+            wait_for(flight, lambda state: state.phase in ("landing", "disarmed"))
+            wait_for(flight, lambda state: state.phase == "disarmed")
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=30)
+        assert simulated.poll() is None, errors
+
+
+def test_what_is_wrong_is_one_sentence(tmp_path):
+    assert "no vehicle is named" in sentence(run("console"), 2)
+    assert "a console needs the serial port" in sentence(run("console", "--port", "px4:///dev/ttyUSB0"), 2)
+    assert "--record-rate" in sentence(run("console", "--port", "/dev/null", "--record-rate", "0"), 2)
+    # A vehicle of another kind, and a program of another kind.
+    with started(name="tilthex-sim") as process:
+        port = process.stdout.readline().strip()
+        result = run("console", "--port", port)
+        assert result.returncode == 3 and "a vehicle with tilthex on board" in result.stderr, result
+    with vehicle() as (_, console):
+        result = run("--take-off", "--no-battery-limits", *console)
+        assert result.returncode == 3 and 'the answer was "tilthex1.0"' in result.stderr, result
+
+
+def test_the_control_socket_refuses_what_the_vehicle_cannot_get():
+    with vehicle() as (_, console), started("console", *console, "--control", "127.0.0.1:0") as process:
+        port = control_port(process)
+        with socket.create_connection(("127.0.0.1", port), 5.0) as client:
+            request = {"id": 1, "command": "set_admittance", "max_translation": 0.2}
+            client.sendall(json.dumps(request).encode() + b"\n")
+            with client.makefile("r", encoding="utf-8") as lines:
+                assert "only diagonal" in json.loads(lines.readline())["error"]
