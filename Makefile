@@ -73,7 +73,7 @@ build:
 # The crates that fly need no operating system and no allocator.
 .PHONY: no-std
 no-std:
-	cargo build -p tilthex-core -p tilthex-link --target $(NO_STD_TARGET) --locked --quiet
+	cargo build -p tilthex-core -p tilthex-link -p tilthex-firmware --target $(NO_STD_TARGET) --locked --quiet
 
 .PHONY: minimum-compiler
 minimum-compiler:

@@ -86,6 +86,7 @@ prop_compose! {
         record.state = RobotState { position_w: a, velocity_w: b, rotation_wr: r, angular_velocity_r: c };
         record.wrench_tool_w = Wrench { force: d, torque: e };
         (record.reference.position_w, record.reference.rotation_we) = (b, q);
+        (record.setpoint.position_w, record.setpoint.rotation_we) = (c, r);
         (record.compliant, record.saturated, record.pose_age) = (compliant, saturated, pose_age);
         record.input.time = time;
         record

@@ -191,6 +191,7 @@ fn it_takes_off_yields_to_a_push_and_lands_by_order() {
     assert!((there.state.position_w - here.state.position_w).norm() < 0.01);
     assert!((there.wrench_tool_w.force - force).norm() < 0.3, "{}", there.wrench_tool_w.force);
     assert!((there.position_error_w - here.position_error_w).norm() < 0.01);
+    assert!((there.setpoint.position_w - here.setpoint.position_w).norm() < 1e-6);
     assert!((there.input.time - world.now()).abs() < 0.05);
     assert!((there.rotor_speeds[0] - here.rotor_speeds[0]).abs() < 3.0 && there.battery > 10.0);
     assert!(there.contact_likelihood.is_nan(), "what the vehicle does not send is not known");

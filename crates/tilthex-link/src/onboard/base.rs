@@ -10,7 +10,7 @@ use crate::{
     tk3::{HostMessage, MotorFrame, Receiver, Stream, VehicleMessage},
 };
 use tilthex_core::{
-    Error, Matrix3, PoseSample, RotorVector, Setpoint, Vector3, Wrench,
+    Error, PoseSample, RotorVector, Setpoint, Vector3, Wrench,
     admittance::centre_of_mass_reference,
     flight::{ModelRecord, Record},
     supervisor::{Phase, limits::STREAM_SILENT},
@@ -246,6 +246,7 @@ impl Base {
         let wanted_w = centre_of_mass_reference(&reference, &self.params.tool).position_w;
         record.position_error_w = wanted_w - state.position_w;
         record.reference = reference;
+        record.setpoint = Setpoint::hold(flight.setpoint_w, flight.setpoint_we);
         record.rotor_speeds = self.speeds;
         record.current = self.currents.sum();
         record.battery = self.battery;
@@ -343,7 +344,6 @@ fn unknown() -> Record {
         innovation: none,
         latency: none,
         specific_force_r: nowhere,
-        setpoint: Setpoint::hold(nowhere, Matrix3::repeat(none)),
         wrench_robot: wrench,
         wrench_contact_w: wrench,
         wrench_admittance_w: wrench,

@@ -50,7 +50,7 @@ impl Facts {
     }
 }
 
-/// The first message: the supervisor.
+/// The first message: the supervisor and the set-point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FlightPart {
     /// Number of the record; wraps.
@@ -71,6 +71,10 @@ pub struct FlightPart {
     pub answer: Answer,
     /// Position at which the flight began, or would begin now, m, world.
     pub start_w: Option<Vector3>,
+    /// Position of the tool's set-point, m, world.
+    pub setpoint_w: Vector3,
+    /// Rotation of the tool's set-point.
+    pub setpoint_we: Matrix3,
 }
 
 /// The second message: the estimated state.
@@ -126,6 +130,8 @@ impl RecordParts {
             pose_age,
             answer,
             start_w: record.start_w,
+            setpoint_w: record.setpoint.position_w,
+            setpoint_we: record.setpoint.rotation_we,
         };
         let reference = &record.reference;
         let tool = ToolPart {
@@ -163,6 +169,8 @@ impl FlightPart {
             .bytes(&self.pose_age.to_be_bytes())
             .bytes(&self.answer.to_bytes())
             .floats(&start_w)
+            .floats(&self.setpoint_w)
+            .rotation(&self.setpoint_we)
             .finish()
     }
 
@@ -185,7 +193,20 @@ impl FlightPart {
             return Err(wrong);
         }
         let (faults, start_w) = (FaultSet(faults), known.then_some(start_w));
-        from.end(Self { number, time, phase, facts, faults, ended_by, pose_age, answer, start_w })
+        let (setpoint_w, setpoint_we) = (from.vector(FAR)?, from.rotation()?);
+        from.end(Self {
+            number,
+            time,
+            phase,
+            facts,
+            faults,
+            ended_by,
+            pose_age,
+            answer,
+            start_w,
+            setpoint_w,
+            setpoint_we,
+        })
     }
 }
 
