@@ -32,8 +32,7 @@ def test_a_flight_through_the_console(tmp_path):
     log = tmp_path / "console.mcap"
     with vehicle() as (_, console):
         options = [*console, "--take-off", "--control", "127.0.0.1:0", "--log", log]
-        with started("console", *options) as process:
-            flight = tilthex.connect(port=control_port(process))
+        with started("console", *options) as process, tilthex.connect(port=control_port(process)) as flight:
             begin = wait_for(flight, lambda state: state["phase"] == "flying" and state["compliant"])
             flight.set_admittance(stiffness=[20.0, 20.0, 20.0, 10.0, 10.0, 5.0])
             with pytest.raises(tilthex.OrderRefused, match="takes no set-points and no wrenches"):
@@ -61,15 +60,18 @@ def test_a_flight_through_the_console(tmp_path):
     assert "vehicle flew by itself" in sentence(run("replay", log), 2)
 
 
-def test_another_console_takes_over_and_without_one_the_vehicle_lands():
+def test_another_console_takes_over_and_without_one_the_vehicle_lands(tmp_path):
     with vehicle() as (_, console):
-        with started("console", *console, "--take-off", "--control", "127.0.0.1:0") as process:
-            flight = tilthex.connect(port=control_port(process))
+        options = ["console", *console, "--control", "127.0.0.1:0"]
+        with (
+            started(*options, "--take-off") as process,
+            tilthex.connect(port=control_port(process)) as flight,
+        ):
             wait_for(flight, lambda state: state["phase"] == "flying" and state["compliant"])
             process.kill()
-        with started("console", *console, "--control", "127.0.0.1:0") as process:
-            flight = tilthex.connect(port=control_port(process))
-            wait_for(flight, lambda state: state is not None and state["phase"] == "flying")
+        with started(*options, cwd=tmp_path) as process:
+            with tilthex.connect(port=control_port(process)) as flight:
+                wait_for(flight, lambda state: state is not None and state["phase"] == "flying")
             # Nobody forwards poses for longer than a vehicle waits for them.
             process.send_signal(signal.SIGSTOP)
             time.sleep(2.0)

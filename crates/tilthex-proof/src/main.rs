@@ -22,6 +22,7 @@ use tilthex_core::{
     types::{Matrix3, RotorVector},
     wrench_observer::{ObserverInput, WrenchObserver, WrenchObserverState},
 };
+use tilthex_firmware::{Board, Drive, Firmware, ImuReading, RotorReading};
 use tilthex_link::{
     InertialDue, Link, LinkedFlight, LinkedOutput, VehicleLink, WireInput,
     tk3::{HostMessage, Receiver, VehicleMessage},
@@ -119,6 +120,40 @@ fn tick_on_wire(b: &mut LinkedFlight, input: &WireInput<'_>, out: &mut LinkedOut
     b.tick(input, out);
 }
 
+/// A board whose readings the optimiser does not know.
+struct AnyBoard;
+
+impl Board for AnyBoard {
+    fn now_us(&mut self) -> u64 {
+        black_box(0)
+    }
+    fn imu(&mut self) -> Option<ImuReading> {
+        black_box(None)
+    }
+    fn rotor(&mut self, rotor: usize) -> RotorReading {
+        black_box(rotor);
+        black_box(RotorReading::default())
+    }
+    fn battery(&mut self) -> Option<f64> {
+        black_box(None)
+    }
+    fn drive(&mut self, rotor: usize, drive: Drive) {
+        black_box((rotor, drive));
+    }
+    fn read(&mut self, bytes: &mut [u8]) -> usize {
+        bytes.fill(black_box(0));
+        black_box(0)
+    }
+    fn write(&mut self, bytes: &[u8]) {
+        black_box(bytes);
+    }
+}
+
+#[no_panic]
+fn tick_on_board(b: &mut Firmware, board: &mut AnyBoard) {
+    b.tick(board);
+}
+
 /// The step functions of the C interface, with pointers that the optimiser does not know.
 mod in_c {
     #![allow(unsafe_code)]
@@ -178,6 +213,7 @@ fn main() {
     black_box(tick as fn(_, _, _));
     black_box(look as fn(_, _) -> _);
     black_box(tick_on_wire as fn(_, _, _));
+    black_box(tick_on_board as fn(_, _));
     in_c::keep();
     println!("no step function can panic");
 }

@@ -60,12 +60,12 @@ pub(super) struct Args {
 
 /// Runs a console until the vehicle has landed.
 pub(super) fn run(args: &Args) -> Result<(), Failure> {
-    let config = args.setup.config(args.log.log.as_deref())?;
     if args.setup.uri()?.is_some_and(|uri| uri.link.is_some()) {
         return Err(Failure::usage(
             "a console needs the serial port of a vehicle with tilthex on board; expected --port DEVICE or --port unix:PATH",
         ));
     }
+    let config = args.setup.config(args.log.log.as_deref())?;
     tilthex_core::error::check_range("--record-rate", args.record_rate, 1.0, 100.0)?;
     let flags = Flags::default();
     signals::land_or_ignore(&flags.interrupted)?;
