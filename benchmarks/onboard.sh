@@ -31,6 +31,8 @@ linker=$(command -v ld.lld || ls "$(rustc --print target-libdir)"/../bin/rust-ll
 flags="-C target-cpu=cortex-m7 -C linker=$linker -C link-arg=-Tcrates/tilthex-onboard/board.x"
 flags+=" -C link-arg=--nmagic -C relocation-model=static"
 RUSTC=$compiler CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS=$flags "${build[@]}"
+# The firmware of a vehicle that flies itself has no board here: it must build.
+RUSTC=$compiler CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS=$flags "${build[@]/tilthex-onboard/tilthex-firmware}"
 unset RUSTC_BOOTSTRAP
 cargo build --release --locked --quiet -p tilthex-onboard
 

@@ -130,6 +130,10 @@ RULES = [
     Rule(r"tilthex-rt --config examples/px4\.toml .*", slow=True),
     Rule(r"PX4_BUILD=.* python -m benchmarks\.px4_sitl", not_here="it needs a build of PX4"),
     Rule(r"tilthex px4 .* --check .*", replace=((r"saved\.params", "mine.params"),)),
+    # A vehicle that flies itself.
+    Rule(r"tilthex-sim --on-board .*", slow=True, beside=True, says="/dev/pts/"),
+    Rule(r"tilthex-rt console --port \./.*", slow=True, until=r"flying.*\n.*flying", status=LANDED),
+    Rule(r"tilthex-rt console .*", not_here="it needs such a vehicle; the page flies a simulated one"),
     # What asks, and what serves.
     Rule(r"tilthex new .*", answers="\n" * 20),
     Rule(r"tilthex view", not_here=LIVE),

@@ -357,7 +357,11 @@ fn turned(v: &Vector6, turn: &Matrix3) -> Vector6 {
 fn rate_bound(damping: &Matrix6, stiffness: &Matrix6) -> f64 {
     let norm =
         |m: &Matrix6| m.row_iter().map(|r| r.iter().map(|x| libm::fabs(*x)).sum::<f64>()).fold(0.0, f64::max);
-    let (d, k) = (norm(damping), norm(stiffness));
+    largest_root(norm(damping), norm(stiffness))
+}
+
+/// The positive root of s^2 = d s + k.
+fn largest_root(d: f64, k: f64) -> f64 {
     0.5 * (d + libm::sqrt(d * d + 4.0 * k))
 }
 

@@ -53,6 +53,22 @@ struct Operator {
 }
 
 /// The firmware of a vehicle that flies itself.
+///
+/// ```
+/// use tilthex_firmware::{Board, Firmware, FirmwareParams};
+///
+/// /// The program of a board. `wait` returns at the next tick; `restart` starts the board again.
+/// fn fly(board: &mut impl Board, params: FirmwareParams, wait: impl Fn(), restart: impl Fn()) {
+///     let Ok(mut firmware) = Firmware::new(params) else { return };
+///     loop {
+///         wait();
+///         firmware.tick(board);
+///         if firmware.finished() {
+///             restart();
+///         }
+///     }
+/// }
+/// ```
 #[derive(Clone, Debug)]
 pub struct Firmware {
     params: FirmwareParams,

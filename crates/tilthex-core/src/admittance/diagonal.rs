@@ -1,6 +1,6 @@
 //! The same filter with other diagonal matrices. It needs no eigenvalues, and is cheap enough for a tick of a microcontroller.
 
-use super::{AdmittanceFilter, AdmittanceParams, FASTEST, Law, motion::Linear, rate_bound, spring::Spring};
+use super::{AdmittanceFilter, AdmittanceParams, FASTEST, Law, largest_root, motion::Linear, spring::Spring};
 use crate::{
     Error,
     error::check_range,
@@ -25,9 +25,10 @@ impl AdmittanceFilter {
         let inverse = mass.map(|x| 1.0 / x);
         let (damping_rate, stiffness_rate) =
             (inverse.component_mul(damping), inverse.component_mul(stiffness));
-        let full = |diagonal: &Vector6| Matrix6::from_diagonal(diagonal);
-        let fastest = rate_bound(&full(&damping_rate), &full(&stiffness_rate));
+        let largest = |rates: &Vector6| rates.iter().copied().fold(0.0, f64::max);
+        let fastest = largest_root(largest(&damping_rate), largest(&stiffness_rate));
         check_range("fastest rate of the admittance filter (1/s)", fastest, 0.0, FASTEST)?;
+        let full = |diagonal: &Vector6| Matrix6::from_diagonal(diagonal);
         Ok(Self {
             params: AdmittanceParams {
                 mass: full(mass),
@@ -49,7 +50,9 @@ fn check_diagonal(name: &'static str, diagonal: &Vector6, least: f64) -> Result<
         return Err(Error::NotFinite { name });
     }
     let smallest_eigenvalue = diagonal.iter().copied().fold(f64::INFINITY, f64::min);
-    if smallest_eigenvalue < least - 1e-12 * diagonal.amax() {
+    if smallest_eigenvalue
+        < least - 1e-12 * diagonal.iter().copied().fold(0.0, |most, x| f64::max(most, libm::fabs(x)))
+    {
         return Err(Error::NotPositiveDefinite { name, smallest_eigenvalue });
     }
     Ok(())

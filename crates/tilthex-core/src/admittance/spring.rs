@@ -36,23 +36,32 @@ pub(super) struct Strained {
 
 impl Spring {
     pub(super) fn new(stiffness: &Matrix6) -> Self {
-        Self::judged(stiffness, |g| g.symmetric_eigenvalues().min())
+        let rotation: Matrix3 = stiffness.fixed_view::<3, 3>(3, 3).into_owned();
+        let translation = stiffness.fixed_view::<3, 3>(0, 0).into_owned();
+        let coupling = stiffness.fixed_view::<3, 3>(0, 3).into_owned();
+        let symmetric = 0.5 * (rotation + rotation.transpose());
+        Self::judged(translation, coupling, symmetric, |g| g.symmetric_eigenvalues().min())
     }
 
     /// The spring of a diagonal matrix. It computes no eigenvalues.
     pub(super) fn diagonal(stiffness: &Vector6) -> Self {
-        Self::judged(&Matrix6::from_diagonal(stiffness), |g| g.diagonal().min())
+        let (translation, rotation) = halves(stiffness);
+        let [translation, rotation] = [translation, rotation].map(|half| Matrix3::from_diagonal(&half));
+        Self::judged(translation, Matrix3::zeros(), rotation, |g| g.m11.min(g.m22).min(g.m33))
     }
 
     /// `smallest` gives the smallest eigenvalue of G.
-    fn judged(stiffness: &Matrix6, smallest: impl FnOnce(&Matrix3) -> f64) -> Self {
-        let rotation: Matrix3 = stiffness.fixed_view::<3, 3>(3, 3).into_owned();
-        let rotation = 0.5 * (rotation + rotation.transpose());
+    fn judged(
+        translation: Matrix3,
+        coupling: Matrix3,
+        rotation: Matrix3,
+        smallest: impl FnOnce(&Matrix3) -> f64,
+    ) -> Self {
         let g = 0.5 * rotation.trace() * Matrix3::identity() - rotation;
         let pulls_back = smallest(&g) >= -1e-9 * rotation.amax();
         Self {
-            translation: stiffness.fixed_view::<3, 3>(0, 0).into_owned(),
-            coupling: stiffness.fixed_view::<3, 3>(0, 3).into_owned(),
+            translation,
+            coupling,
             rotation,
             g: if pulls_back { g } else { 0.5 * Matrix3::identity() },
             outer: (!pulls_back).then_some(rotation),
