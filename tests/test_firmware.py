@@ -13,6 +13,7 @@ import tilthex
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from test_programs import control_port, run, sentence, started, wait_for
+from tilthex._programs import free_port
 from tilthex.log import read
 
 pytestmark = pytest.mark.real_time
@@ -21,9 +22,7 @@ pytestmark = pytest.mark.real_time
 @contextlib.contextmanager
 def vehicle(*arguments):
     """A vehicle that flies itself, and motion capture: the options for its console."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
-        free.bind(("127.0.0.1", 0))
-        poses = f"natnet://127.0.0.1:{free.getsockname()[1]}/TILTHEX"
+    poses = f"natnet://127.0.0.1:{free_port()}/TILTHEX"
     with started("--on-board", "--mocap", poses, *arguments, name="tilthex-sim") as process:
         yield process, ["--port", process.stdout.readline().strip(), "--mocap", poses]
 
