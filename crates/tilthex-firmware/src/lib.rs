@@ -36,6 +36,9 @@ use tilthex_link::{
 /// The motors must stand still for this time after a flight before the board restarts, s: the base reads how it ended.
 const STANDS: f64 = 1.0;
 
+/// Time between two texts about messages that are not carried out, s: a program that sends many must not fill the line.
+const QUIET: f64 = 0.5;
+
 /// Parameters of the firmware.
 #[derive(Clone, Copy, Debug)]
 pub struct FirmwareParams {
@@ -43,13 +46,6 @@ pub struct FirmwareParams {
     pub flight: FlightParams,
     /// After this time without the operator, s, the vehicle holds, and later lands; 0 for never.
     pub operator_timeout: f64,
-}
-
-/// The operator whose orders are flown.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Operator {
-    /// When the base said something about the operator, s, and how long the operator had been silent then, s.
-    heard: (f64, f64),
 }
 
 /// The firmware of a vehicle that flies itself.
@@ -78,11 +74,15 @@ pub struct Firmware {
     outbox: Outbox,
     admittance: AdmittanceFilter,
     host: HostFacts,
-    operator: Option<Operator>,
+    /// The operator whose orders are flown: when the base told something about the operator, s, and how long the operator had
+    /// been silent then, s.
+    operator: Option<(f64, f64)>,
     answer: Answer,
     out: Commanded,
     /// When the flight was over and the motors stood still, s.
     over: Option<f64>,
+    /// When a text said last that a message is not carried out, s.
+    complained: f64,
 }
 
 impl Firmware {
@@ -103,6 +103,7 @@ impl Firmware {
             answer: Answer::Nothing,
             out: Commanded::default(),
             over: None,
+            complained: f64::NEG_INFINITY,
             params,
         })
     }
@@ -151,15 +152,12 @@ impl Firmware {
         let ordered = self.operator.is_some() || self.flight.supervisor().phase() != Phase::Disarmed;
         self.host.land |= received.land && ordered;
         self.host.kill |= received.kill;
-        if let Some(operator) = &mut self.operator
-            && let Some(silence) = received.heartbeat
-        {
-            operator.heard = (now, silence);
+        if let (Some(heard), Some(silence)) = (&mut self.operator, received.heartbeat) {
+            *heard = (now, silence);
         }
         let order = received.order.filter(|(number, _)| self.answer.number() != *number);
         let command = order.and_then(|(number, order)| self.obey(number, &order, now));
-        self.host.operator_silent = self.operator.is_some_and(|operator| {
-            let (at, silence) = operator.heard;
+        self.host.operator_silent = self.operator.is_some_and(|(at, silence)| {
             self.params.operator_timeout > 0.0 && now - at + silence > self.params.operator_timeout
         });
         let refused_before = self.out.record.faults.contains(Fault::SetpointJump);
@@ -178,15 +176,13 @@ impl Firmware {
         if let (Some((number, _)), true, true) = (order, command.is_some(), refused) {
             self.refuse(number, "outside the geofence");
         }
-        match received.refused {
-            Some(Refused::Motors) => {
-                self.outbox.say(Severity::Warning, &["refused: the vehicle flies by itself"])
-            }
-            Some(Refused::Stop) => {
-                self.outbox
-                    .say(Severity::Warning, &["x in flight: a second one within 0.5 s stops the motors"]);
-            }
-            None => {}
+        if let Some(refused) = received.refused.filter(|_| now - self.complained >= QUIET) {
+            let reason = match refused {
+                Refused::Motors => "refused: the vehicle flies by itself",
+                Refused::Stop => "x in flight: a second one within 0.5 s stops the motors",
+            };
+            self.outbox.say(Severity::Warning, &[reason]);
+            self.complained = now;
         }
         let supervisor = self.flight.supervisor();
         let facts = Facts::default()
@@ -204,7 +200,7 @@ impl Firmware {
                 self.answer = Answer::Accepted(number);
                 // From now on the operator must be heard, if this order moves the vehicle or an earlier one has.
                 if order.moves() || self.operator.is_some() {
-                    self.operator = Some(Operator { heard: (now, 0.0) });
+                    self.operator = Some((now, 0.0));
                 }
                 Some(command)
             }

@@ -3,7 +3,7 @@
 use crate::{board::Board, inbox::Received, sensing::Sensors};
 use tilthex_core::{
     flight::Record,
-    supervisor::{FaultSet, Phase, Reaction, Row},
+    supervisor::{Fault, FaultSet, Phase, Reaction, Row},
 };
 use tilthex_link::{
     Outgoing, Severity, Text,
@@ -172,6 +172,8 @@ impl Outbox {
 fn severity(row: &Row, phase: Phase) -> Severity {
     let reaction = if phase.in_flight() { row.in_flight } else { row.on_ground };
     match reaction {
+        // An ordered landing is no fault of the vehicle.
+        _ if row.fault == Fault::Operator => Severity::Note,
         Reaction::Note => Severity::Note,
         Reaction::Refuse | Reaction::Hold => Severity::Warning,
         Reaction::Land | Reaction::Descend => Severity::Error,

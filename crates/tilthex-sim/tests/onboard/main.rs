@@ -169,6 +169,13 @@ fn the_base_cannot_turn_motors_and_stops_them_only_with_two_messages() {
     {
         assert!(world.texts.iter().any(|text| text == said), "{:?}", world.texts);
     }
+    // A program that commands motors all the time does not hide what the vehicle says.
+    world.texts.clear();
+    for _ in 0..500 {
+        world.simulation.receive(b"^w\x21\xa1$", &mut Vec::new());
+        world.tick();
+    }
+    assert!((1..=3).contains(&world.texts.len()), "{:?}", world.texts);
     world.simulation.receive(b"^x$", &mut Vec::new());
     world.run(0.3);
     assert!(world.phase().in_flight());
