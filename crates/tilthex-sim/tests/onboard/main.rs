@@ -11,7 +11,10 @@ use tilthex_core::{
     supervisor::{Fault, Phase},
     trajectory::Limits,
 };
-use tilthex_link::onboard::{GoTo, Order, Part};
+use tilthex_link::{
+    onboard::{GoTo, Order, Part, ToVehicle},
+    tk3::{HostMessage, MAX_FRAME, MotorValues},
+};
 use tilthex_sim::onboard::firmware_params;
 
 use world::{World, config};
@@ -146,40 +149,44 @@ fn a_silent_operator_makes_it_hold_and_then_land() {
     world.landed();
 }
 
-/// All bytes of messages that would turn, stop or throttle motors.
 #[test]
 fn the_base_cannot_turn_motors_and_stops_them_only_with_two_messages() {
     let mut world = World::hover();
     let commanded = |world: &World| world.simulation.firmware().firmware().output().motors;
     let mut other = world.clone();
-    for bytes in [
-        &b"^g\x01$"[..],
-        b"^w\x21\xa1\x21\xa1\x21\xa1\x21\xa1\x21\xa1\x21\xa1$",
-        b"^q\x00\x00$",
-        b"^x\x01$",
-        b"^x$",
-    ] {
-        world.simulation.receive(bytes, &mut Vec::new());
+    let send = |world: &mut World, message: HostMessage| {
+        let mut bytes = [0; MAX_FRAME];
+        let length = message.encode(&mut bytes);
+        world.simulation.receive(&bytes[..length], &mut Vec::new());
+    };
+    let values = MotorValues::from_speeds(&[60.0; 6]).unwrap();
+    let speeds = HostMessage::Speeds(values);
+    let throttles = HostMessage::Throttles(MotorValues::new(&[0; 6]).unwrap());
+    for message in [HostMessage::Start(1), speeds, throttles, HostMessage::Stop(1), HostMessage::StopAll] {
+        world.texts.clear();
+        send(&mut world, message);
         world.run(1.0);
         other.run(1.0);
-        assert_eq!(commanded(&world), commanded(&other), "{bytes:?}");
-    }
-    for said in
-        ["refused: the vehicle flies by itself", "x in flight: a second one within 0.5 s stops the motors"]
-    {
-        assert!(world.texts.iter().any(|text| text == said), "{:?}", world.texts);
+        assert_eq!(commanded(&world), commanded(&other), "{message:?}");
+        let stop = message == HostMessage::StopAll;
+        let said = if stop { "x in flight: a second one" } else { "refused: the vehicle flies by itself" };
+        assert!(
+            matches!(&world.texts[..], [text] if text.starts_with(said)),
+            "{message:?}: {:?}",
+            world.texts
+        );
     }
     // A program that commands motors all the time does not hide what the vehicle says.
     world.texts.clear();
     for _ in 0..500 {
-        world.simulation.receive(b"^w\x21\xa1$", &mut Vec::new());
+        send(&mut world, speeds);
         world.tick();
     }
     assert!((1..=3).contains(&world.texts.len()), "{:?}", world.texts);
-    world.simulation.receive(b"^x$", &mut Vec::new());
+    send(&mut world, HostMessage::StopAll);
     world.run(0.3);
     assert!(world.phase().in_flight());
-    world.simulation.receive(b"^x$", &mut Vec::new());
+    send(&mut world, HostMessage::StopAll);
     world.tick();
     assert_eq!(commanded(&world), MotorCommand::Kill);
     assert!(!world.simulation.firmware().any_spins());
@@ -249,17 +256,23 @@ fn it_is_the_same_flight_as_everywhere_bit_for_bit() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(24))]
 
-    /// Bytes of a broken line between the messages of the base. A message that is hit is lost, and nothing else happens.
+    /// Bytes of a broken line, and orders to stop all motors with one wrong bit, between the messages of the base.
     #[test]
-    fn garbage_on_the_line_changes_nothing(garbage in vec(vec(any::<u8>(), 0..100), 100)) {
+    fn garbage_on_the_line_changes_nothing(
+        garbage in vec((vec(any::<u8>(), 0..80), any::<prop::sample::Index>(), 0u8..8), 100)
+    ) {
         let mut world = World::hover();
         let mut clean = world.clone();
-        for bytes in garbage {
-            // The garbage ends with a frame that is cut, so that it does not hit the next message.
-            world.simulation.receive(&[&bytes[..], b"^!"].concat(), &mut Vec::new());
+        for (bytes, at, bit) in garbage {
+            let mut kill = [0; MAX_FRAME];
+            let length = ToVehicle::Order(0, Order::Kill).encode(&mut kill);
+            kill[at.index(length)] ^= 1 << bit;
+            // It ends with a frame that is aborted, so that it does not hit the next message.
+            world.simulation.receive(&[&bytes[..], &kill[..length], b"^!"].concat(), &mut Vec::new());
             world.tick();
             clean.tick();
-            prop_assert_eq!(&world.simulation.firmware().firmware().output().motors, &clean.simulation.firmware().firmware().output().motors);
+            let [one, other] = [&world, &clean].map(|world| world.simulation.firmware().firmware().output());
+            prop_assert_eq!(&one.motors, &other.motors);
         }
         prop_assert_eq!(world.phase(), Phase::Flying);
     }
