@@ -71,25 +71,26 @@ impl ImuHistory {
         self.count += 1;
     }
 
-    /// What the samples of the last `time` seconds before number `next` may have missed. None if all of them were simply
-    /// measured, and none shows a blow. Older samples than those of half the ring count like the oldest of these. A pose
-    /// that agreed `since` seconds ago has shown what missing samples before it have done.
-    pub(super) fn doubt(&self, next: u64, time: f64, since: f64) -> Option<Doubt> {
-        let newest = self.get(next.checked_sub(1)?).time;
-        let shown = newest - since - SHOWN;
+    /// What the samples of the last `time` seconds before `now` may have missed; number `next` is the first sample after `now`.
+    /// None if all of them were simply measured, and none shows a blow. Older samples than those of half the ring count like the
+    /// oldest of these. A pose that agreed `since` seconds ago has shown what missing samples before it have done.
+    pub(super) fn doubt(&self, next: u64, now: f64, time: f64, since: f64) -> Option<Doubt> {
+        let shown = now - since - SHOWN;
         let mut doubt: Option<Doubt> = None;
-        let (mut before, mut last) = (newest - time, None);
-        for s in (next.saturating_sub(SAMPLES / 2)..next).map(|n| self.get(n)) {
+        let (mut before, mut last) = (now - time, None);
+        let end = next.saturating_add(1).min(self.end());
+        for s in (next.saturating_sub(SAMPLES / 2)..end).map(|n| self.get(n)) {
             let shaken = is_blow(s.leap) || matches!(s.quality, Quality::Shaken | Quality::ModelledShaken);
             let gap = last.replace(s.time).is_some_and(|last| s.time - last > GAP);
             let missing = s.quality == Quality::Modelled || gap;
-            if (shaken || missing) && newest - s.time <= time {
+            let until = if s.time < now { s.time } else { now };
+            if (shaken || missing) && now - until <= time {
                 let (begin, acceleration) = if shaken { (before, BLOW) } else { (before.max(shown), FLIES) };
-                let gained = (s.time - begin).max(0.0) * acceleration;
+                let gained = (until - begin).max(0.0) * acceleration;
                 let doubt = doubt.get_or_insert(Doubt { velocity: 0.0, position: 0.0, shaken });
                 doubt.shaken |= shaken;
                 doubt.velocity += gained;
-                doubt.position += gained * (newest - 0.5 * (begin + s.time));
+                doubt.position += gained * (now - 0.5 * (begin + until));
             }
             before = s.time;
         }

@@ -82,7 +82,7 @@ impl Estimator {
         let gate = self.derived.gate_pose;
         let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
         let (noises, next) = (self.noises(), self.head.next_sample);
-        let doubtful = || self.samples.doubt(next, DOUBT, DOUBT).is_some();
+        let doubtful = || self.samples.doubt(next, pose.time, DOUBT, DOUBT).is_some();
         let outcome = if self.head.trust.contradicts_still(&said, noises, doubtful) {
             self.head.trust.weigh(said);
             Outcome::Rejected
@@ -131,7 +131,7 @@ impl Estimator {
     ) -> Outcome {
         // After a model, an impact or a gap the state is so uncertain that poses decide.
         let since = pose.time - self.head.trust.accepted;
-        let doubt = self.samples.doubt(self.head.next_sample, DOUBT + since, since);
+        let doubt = self.samples.doubt(self.head.next_sample, pose.time, DOUBT + since, since);
         let far = said.position().norm();
         let blown = doubt.is_some_and(|doubt| doubt.shaken) && far < FASTEST * since;
         let missed = doubt.map(|doubt| self.missed(&doubt, since)).filter(|m| m.position > far);
