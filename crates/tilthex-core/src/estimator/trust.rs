@@ -81,10 +81,13 @@ pub(super) struct Trust {
     pub(super) noise: f64,
     /// The last surprising poses, and how many there have been in a row.
     refused: [Said; REFUSALS],
-    in_a_row: u32,
-    /// Whether the last surprising poses contradicted a certain state; and whether samples have become doubtful since then.
-    /// This is no reason to believe poses that still say the same.
-    contradicted: (bool, bool),
+    in_a_row: u8,
+    /// How many of the last ones said the same, one after the other.
+    alike: u16,
+    /// This number when they contradicted the state beyond what its doubt explains, 0 if they did not; and whether samples have
+    /// become doubtful since then. This is no reason to believe poses that still say the same.
+    contradicted: u16,
+    doubted: bool,
     /// Normalised innovations squared of the last poses that were applied, newest last.
     recent: [Coarse; RECENT],
 }
@@ -112,7 +115,9 @@ impl Trust {
             noise: 1.0,
             refused: [Said::NOTHING; REFUSALS],
             in_a_row: 0,
-            contradicted: (false, false),
+            alike: 0,
+            contradicted: 0,
+            doubted: false,
             recent: [Coarse::ZERO; RECENT],
         }
     }
@@ -144,23 +149,45 @@ impl Trust {
         before.is_some_and(|before| said.agrees(before, noises))
     }
 
-    /// Whether this pose says the same as those that contradicted a certain state, and the state has become uncertain only
-    /// since then.
+    /// Whether this pose says the same as those that contradicted the state, and samples have become doubtful only since then.
+    /// `doubtful` says this for a time before the pose, s.
     pub(super) fn contradicts_still(
         &mut self,
         said: &Said,
         noises: (f64, f64),
-        doubtful: impl Fn() -> bool,
+        doubtful: impl Fn(f64) -> bool,
     ) -> bool {
-        let (contradicts, since) = self.contradicted;
-        let still = contradicts && self.repeats(said, noises);
-        self.contradicted = (still, still && (since || doubtful()));
-        self.contradicted.1
+        let still = self.contradicted > 0 && self.repeats(said, noises);
+        if !still {
+            (self.contradicted, self.doubted) = (0, false);
+            return false;
+        }
+        let since = f64::from(self.alike.saturating_sub(self.contradicted)) * self.period();
+        self.doubted = self.doubted || doubtful(since);
+        self.doubted
     }
 
-    /// Refused poses in a row, for some time, contradict a certain state.
+    /// Whether poses contradict the state that still say the same.
+    pub(super) fn contradicts(&self) -> bool {
+        self.contradicted > 0
+    }
+
+    /// Refused poses in a row contradict a state whose doubt does not explain them.
     pub(super) fn contradict(&mut self) {
-        self.contradicted.0 |= self.in_a_row as usize >= REFUSALS;
+        if self.contradicted == 0 && usize::from(self.in_a_row) >= REFUSALS {
+            self.contradicted = self.alike;
+        }
+    }
+
+    /// Whether poses say what they say now for less than half of the time since the last pose that agreed, s.
+    pub(super) fn is_news(&self, since: f64) -> bool {
+        2.0 * f64::from(self.alike) * self.period() < since
+    }
+
+    /// Mean time between the last surprising poses, s.
+    fn period(&self) -> f64 {
+        let ages = self.refused.first().zip(self.refused.last());
+        ages.map_or(0.0, |(first, last)| (last.age() - first.age()) / (REFUSALS - 1) as f64)
     }
 
     /// Counts an accepted pose; `nis` is its normalised innovation squared divided by its degrees of freedom, with
@@ -172,11 +199,12 @@ impl Trust {
             let toward = variance + NOISE_SHARE * (nis - variance);
             self.noise = sqrt(toward.max(1.0)).min(MOST_NOISE);
         }
-        (self.accepted, self.in_a_row, self.contradicted) = (time, 0, (false, false));
+        *self = Self { accepted: time, in_a_row: 0, alike: 0, contradicted: 0, doubted: false, ..*self };
     }
 
-    /// Counts a surprising pose.
-    pub(super) fn weigh(&mut self, said: Said) {
+    /// Counts a surprising pose; `noises` are those of position and rotation.
+    pub(super) fn weigh(&mut self, said: Said, noises: (f64, f64)) {
+        self.alike = if self.repeats(&said, noises) { self.alike.saturating_add(1) } else { 1 };
         self.refused.rotate_left(1);
         if let Some(slot) = self.refused.last_mut() {
             *slot = said;
@@ -187,8 +215,8 @@ impl Trust {
     /// Counts a pose that contradicts the state. If there are enough such poses in a row, returns what they say
     /// together. They determine the rate only if it is `modelled`.
     pub(super) fn refuse(&mut self, said: Said, noise: (f64, f64), modelled: bool) -> Option<Agreement> {
-        self.weigh(said);
-        (self.in_a_row as usize >= REFUSALS).then(|| self.agreement(said.age(), noise, modelled))
+        self.weigh(said, noise);
+        (usize::from(self.in_a_row) >= REFUSALS).then(|| self.agreement(said.age(), noise, modelled))
     }
 
     fn agreement(

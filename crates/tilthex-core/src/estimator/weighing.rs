@@ -46,7 +46,7 @@ const LIKE: f64 = 0.5;
 /// Largest step of the accelerometer's bias, m/s^2.
 const STEP: f64 = 1.5;
 /// No blow throws a vehicle away faster than this, m/s.
-const FASTEST: f64 = 10.0;
+const FASTEST: f64 = 5.0;
 
 /// Scales of the variances of a measured position and rotation.
 type Scales = (f64, f64);
@@ -82,9 +82,9 @@ impl Estimator {
         let gate = self.derived.gate_pose;
         let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
         let (noises, next) = (self.noises(), self.head.next_sample);
-        let doubtful = || self.samples.doubt(next, pose.time, DOUBT, DOUBT).is_some();
+        let doubtful = |since: f64| self.samples.doubt(next, pose.time, DOUBT.min(since), DOUBT).is_some();
         let outcome = if self.head.trust.contradicts_still(&said, noises, doubtful) {
-            self.head.trust.weigh(said);
+            self.head.trust.weigh(said, noises);
             Outcome::Rejected
         } else if surprise <= gate || surprise <= gate * self.head.trust.level() {
             self.head.state.apply(&trusted);
@@ -133,8 +133,10 @@ impl Estimator {
         let since = pose.time - self.head.trust.accepted;
         let doubt = self.samples.doubt(self.head.next_sample, pose.time, DOUBT + since, since);
         let far = said.position().norm();
-        let blown = doubt.is_some_and(|doubt| doubt.shaken) && far < FASTEST * since;
-        let missed = doubt.map(|doubt| self.missed(&doubt, since)).filter(|m| m.position > far);
+        // Poses that were impossible when they began do not become possible with time.
+        let possible = far < self.farthest(since) && !self.head.trust.contradicts();
+        let blown = doubt.is_some_and(|doubt| doubt.shaken) && possible;
+        let missed = doubt.map(|doubt| self.missed(&doubt, since)).filter(|m| possible && m.position > far);
         let doubtful = missed.is_some();
         let gate = self.derived.gate_pose * self.head.trust.level();
         let repeated = self.head.trust.repeats(&said, self.noises());
@@ -145,7 +147,13 @@ impl Estimator {
         let most = if doubtful { MOST_DOUBT_SHAKEN } else { MOST_DOUBT };
         let doubt = self.doubt_for(measured, surprise, gate, most);
         let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
-        if let Some(doubt) = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed) {
+        let doubt = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed);
+        if doubt.is_some() && self.head.trust.contradicts() {
+            // One pose would correct the velocity by all of its difference; together they show it.
+            let uncertain = Missed { position: f64::INFINITY, velocity: self.undoubted() };
+            return self.contradict(pose, measured, said, Some(uncertain));
+        }
+        if let Some(doubt) = doubt {
             let own = self.head.trust.noise * self.head.trust.noise;
             let noise = self.params.pose_noise(measured, (own, own));
             let mut state = self.head.state;
@@ -160,7 +168,7 @@ impl Estimator {
         }
         if let Some(weighed) = noise.and_then(|scales| self.innovation(measured, scales)) {
             self.head.state.apply(&weighed);
-            self.head.trust.weigh(said);
+            self.head.trust.weigh(said, self.noises());
             return Outcome::Weighed;
         }
         let outcome = self.contradict(pose, measured, said, missed);
@@ -252,14 +260,19 @@ impl Estimator {
         let turned = agreement.rotation.norm();
         let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
         let explained = missed.is_some_and(|m| m.explains(&agreement));
-        let drifted = possible && !modelled && self.drifted(&agreement, since);
+        // What poses have said all the time is no error of the IMU, which grows.
+        let news = lasting && !explained && self.head.trust.is_news(since);
+        let drifted = news && possible && !modelled && self.drifted(&agreement, since);
         if drifted {
             agreement.rate = agreement.rotation / since;
-            agreement.deviation.gyro_bias = turned / since;
+            agreement.deviation.gyro_bias = agreement.deviation.gyro_bias.max(turned / since);
         }
-        let accelerated = lasting && self.accelerated(&agreement, since);
-        if explained || drifted || accelerated || possible && self.pass_position(pose) {
+        let hidden_w = if news { self.hidden_acceleration(&agreement, since) } else { None };
+        if explained || drifted || hidden_w.is_some() || possible && self.pass_position(pose) {
             self.believe(&agreement, modelled || drifted);
+            if let Some(hidden_w) = hidden_w {
+                self.head.state.add_accelerometer_bias(&-hidden_w);
+            }
             self.head.trust.accept(pose.time, nis);
             return Outcome::Accepted;
         }
@@ -278,18 +291,26 @@ impl Estimator {
             && like(&agreement.velocity, drift_w * (since / 2.0), velocity)
     }
 
-    /// Whether a step of the accelerometer's bias in the last `since` seconds explains what poses say: velocity and position
-    /// differ along one line, as after a constant acceleration, and the rotation does not.
-    fn accelerated(&self, agreement: &Agreement, since: f64) -> bool {
+    /// The acceleration, m/s^2, world, that a step of the accelerometer's bias in the last `since` seconds has hidden, if it
+    /// explains what poses say: velocity and position differ along one line, as after a constant acceleration, and the rotation
+    /// does not.
+    fn hidden_acceleration(&self, agreement: &Agreement, since: f64) -> Option<Vector3> {
         let [position, _, rotation] = self.head.state.deviations().map(|d| DEVIATIONS * d);
         let (far, fast) = (agreement.position, agreement.velocity);
         let time = 2.0 * far.dot(&fast) / fast.norm_squared();
         let aside = (far - fast * (0.5 * time)).norm();
-        (0.0..=since).contains(&time)
+        let explains = (0.0..=since).contains(&time)
             && fast.norm() > agreement.deviation.velocity
             && fast.norm() < STEP * time
             && aside < LIKE * far.norm() + position
-            && agreement.rotation.norm() < agreement.deviation.rotation + rotation
+            && agreement.rotation.norm() < agreement.deviation.rotation + rotation;
+        explains.then(|| fast / time)
+    }
+
+    /// The largest error of the position after a blow, m, `since` seconds after the last pose that agreed.
+    fn farthest(&self, since: f64) -> f64 {
+        let [position, ..] = self.head.state.deviations();
+        (FASTEST + self.head.state.mean.velocity_w.norm()) * since + DEVIATIONS * position
     }
 
     /// The largest error of the state after doubtful samples, `since` seconds after the last pose that agreed.

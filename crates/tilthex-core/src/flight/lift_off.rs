@@ -31,9 +31,6 @@ const REVERSED: (f64, f64) = (0.02, 0.5);
 const FAST: (f64, f64) = (2.0, 4.0);
 const LOW: f64 = 0.1;
 
-/// After a longer interval without a sample, s, nobody has felt how the vehicle moved: the comparison begins again.
-const MISSED: f64 = 0.02;
-
 /// The watch of the first moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct LiftOff {
@@ -58,7 +55,7 @@ impl LiftOff {
     /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
     pub(super) fn feel(&mut self, state: &Navigation, specific_force_i: &Vector3, time: f64, dt: f64) {
         if let Some(witness) = &mut self.witness {
-            if dt > MISSED {
+            if witness.missed(time) {
                 *witness = Witness::again(time);
                 return;
             }

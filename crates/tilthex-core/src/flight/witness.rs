@@ -38,6 +38,8 @@ const HOLDS: f64 = 0.6;
 /// A pose that comes earlier than this after the last one, s, is not used.
 const SPARSE: f64 = 0.008;
 
+/// After a longer interval without a sample, s, nobody has felt how the vehicle moved: the comparison begins again.
+const MISSED: f64 = 0.02;
 /// A comparison that begins in motion tells nothing before this time, s.
 const AGAIN: f64 = 1.0;
 
@@ -104,7 +106,12 @@ impl Default for Witness {
 impl Witness {
     /// A comparison that begins in motion, at a time, s.
     pub(super) fn again(now: f64) -> Self {
-        Self { begin: now, ..Self::default() }
+        Self { begin: now, now, ..Self::default() }
+    }
+
+    /// Whether nothing was felt for too long before a time, s.
+    pub(super) fn missed(&self, time: f64) -> bool {
+        self.now > 0.0 && time - self.now > MISSED
     }
 
     /// Takes an acceleration, m/s^2, world, for the `dt` s up to `now`, s.

@@ -2,7 +2,7 @@
 
 use super::{errors, params, recording, run};
 use tilthex_core::{
-    PoseSample, Vector3,
+    Matrix3, PoseSample, Vector3,
     estimator::{Estimator, EstimatorParams, Status},
     random::Random,
     so3,
@@ -111,9 +111,9 @@ fn what_was_refused_is_not_believed_after_a_gap() {
 /// cannot have come there since that pose. Nor because flipped bits look like a blow.
 #[test]
 fn missing_samples_explain_only_what_can_be_flown_since_the_last_pose() {
-    let away = Vector3::new(0.5, 0.6, 0.1);
     let turn = so3::exp(&Vector3::new(0.0, 0.1, 0.4));
-    for flipped in [false, true] {
+    for (flipped, distance) in [(false, 0.5), (false, 0.8), (true, 0.4), (true, 0.8), (true, 1.5)] {
+        let away = distance * Vector3::new(0.7, -0.7, 0.14);
         let mut recording = recording(14, 3.5);
         let mut poses = recording.poses.clone();
         for pose in poses.iter_mut().filter(|p| (2.0..2.5).contains(&p.time)) {
@@ -124,7 +124,7 @@ fn missing_samples_explain_only_what_can_be_flown_since_the_last_pose() {
         for (k, (at, _, force)) in imu.iter().enumerate().filter(|(_, s)| (1.9..2.4).contains(&s.0)) {
             if flipped && k % 20 == 0 {
                 recording.imu[k].2.y += if k % 40 == 0 { 60.0 } else { -60.0 };
-            } else if !flipped && (at * 20.0) as u32 % 2 == 0 {
+            } else if !flipped && ((at * 20.0) as u32).is_multiple_of(2) {
                 recording.imu[k].2 = Vector3::new(f64::NAN, force.y, force.z);
             }
         }
@@ -132,9 +132,9 @@ fn missing_samples_explain_only_what_can_be_flown_since_the_last_pose() {
         run(&mut estimator, &recording, &poses, |e, k| {
             let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
             let error = (e.robot_state().position_w - truth.position_w).norm();
-            assert!(error < 0.25, "{flipped} {time}: {error}");
+            assert!(error < 0.25, "{flipped} {distance} {time}: {error}");
             let age = e.health().position_age + time - e.time();
-            assert!(!(2.1..2.5).contains(&time) || age > time - 2.02, "{flipped} {time}: {age}");
+            assert!(!(2.1..2.5).contains(&time) || age > time - 2.02, "{flipped} {distance} {time}: {age}");
             assert!(time < 3.0 || error < 0.01, "{flipped} {time}: {error}");
         });
     }
@@ -171,6 +171,73 @@ fn a_drift_of_the_gyro_is_found_in_the_poses_that_return() {
         });
         assert!(drift > 0.05, "{drift}");
         assert!(displaced || (estimator.gyro_bias() - known - step).norm() < 0.01);
+    }
+}
+
+/// The poses of a body that stands still are not believed by a vehicle that flies past it.
+#[test]
+fn a_standing_body_is_not_taken_for_an_error_of_the_accelerometer() {
+    for (speed, ahead) in [(0.4, 0.15), (0.5, 0.3), (0.7, 0.3), (1.0, 0.5)] {
+        let mut estimator = Estimator::new(params()).unwrap();
+        let way = |time: f64| Vector3::new(speed * time, 0.0, 1.0);
+        estimator.initialize(0.0, &way(0.0), &Matrix3::identity()).unwrap();
+        for k in 1..2000 {
+            let time = 0.002 * f64::from(k);
+            estimator.predict(time, &Vector3::zeros(), &(tilthex_core::GRAVITY * Vector3::z()));
+            if k % 5 == 0 {
+                let stands = time > 2.0;
+                let position_w = if stands { way(2.0) + Vector3::new(ahead, 0.03, 0.0) } else { way(time) };
+                let rotation_wr = so3::exp(&Vector3::new(0.0, 0.0, if stands { 0.06 } else { 0.0 }));
+                let pose = PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true };
+                estimator.update_pose(&pose);
+            }
+        }
+        let age = estimator.health().position_age;
+        let error = (estimator.robot_state().position_w - way(estimator.time())).norm();
+        assert!(age > 1.9 && error < 0.05, "{speed} {ahead}: {age} {error}");
+    }
+}
+
+/// The accelerometer's bias steps while no poses come: the poses that return are believed.
+#[test]
+fn a_step_of_the_accelerometers_bias_is_found_in_the_poses_that_return() {
+    let mut recording = recording(16, 5.0);
+    let step = Vector3::new(0.3, -0.6, 0.7);
+    for (sample, truth) in recording.imu.iter_mut().zip(&recording.truth).filter(|(s, _)| s.0 > 2.2) {
+        sample.2 += truth.rotation_wr.transpose() * step;
+    }
+    let poses: Vec<_> = recording.poses.iter().filter(|p| !(2.0..2.9).contains(&p.time)).copied().collect();
+    let mut estimator = Estimator::new(params()).unwrap();
+    let mut drift = 0.0f64;
+    run(&mut estimator, &recording, &poses, |e, k| {
+        let (time, truth) = (recording.imu[k].0, &recording.truth[k]);
+        let error = (e.robot_state().position_w - truth.position_w).norm();
+        drift = if time < 2.9 { drift.max(error) } else { drift };
+        assert!(time < 3.1 || error < 0.05, "{time}: {error}");
+    });
+    assert!(drift > 0.1, "{drift}");
+}
+
+/// A gap that has ended before poses contradicted the state does not keep them from being believed in time: neither true poses
+/// after those of another body, nor those of a vehicle that was carried elsewhere.
+#[test]
+fn an_old_gap_does_not_shut_poses_out() {
+    for (begin, end, gap) in [(2.0, 9.0, (2.0, 2.03)), (2.0, 2.5, (2.48, 2.505))] {
+        let mut recording = recording(5, 6.0);
+        let shift = Vector3::new(0.4, -0.2, 0.1);
+        let mut poses = recording.poses.clone();
+        for pose in poses.iter_mut().filter(|p| (begin..end).contains(&p.time)) {
+            pose.position_w += shift;
+        }
+        for sample in recording.imu.iter_mut().filter(|s| (gap.0..gap.1).contains(&s.0)) {
+            sample.2.x = f64::NAN;
+        }
+        let mut estimator = Estimator::new(params()).unwrap();
+        run(&mut estimator, &recording, &poses, |_, _| ());
+        let truth = recording.truth.last().unwrap().position_w;
+        let expected = if end > 6.0 { truth + shift } else { truth };
+        let error = (estimator.robot_state().position_w - expected).norm();
+        assert!(error < 0.01, "{begin} {end}: {error}");
     }
 }
 
