@@ -195,6 +195,9 @@ def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
     assert completed("tilthex", "experiment", "sl") == {"sliding", "sloop.toml"}
     assert completed("tilthex", "experiment", "sliding", "--truth", "cad") == {"cad"}
     assert {"tilt-hex", "sloop.toml"} <= completed("tilthex", "check", "")
+    files = {"sloop.toml", "flight.mcap", "secret", "completion.bash"}
+    for name in ("estimate", "view"):
+        assert completed("tilthex", name, "--config", "") == files, name
     assert completed("tilthex", "view", "fl") == {"flight.mcap"}
     assert completed("tilthex", "view", "--token-file", "se") == {"secret"}
 

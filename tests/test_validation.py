@@ -200,8 +200,10 @@ def test_an_argument_of_the_wrong_kind_is_named(arguments, sentence):
     for simulate in (tilthex.simulate, tilthex.simulate_many):
         with pytest.raises(TypeError, match=f"^{re.escape(sentence)}$"):
             simulate(CONFIG, **flight)
-    with pytest.raises(TypeError, match=r"^the config of flight 1 is 3; expected a tilthex.Config$"):
-        tilthex.simulate_many([CONFIG, 3], duration=0.01, setpoint=HOME)
+    for wrong, kind in ((3, "int"), (CONFIG.to_toml(), "str")):
+        sentence = f"the config of flight 1 is a {kind}; expected a tilthex.Config"
+        with pytest.raises(TypeError, match=f"^{re.escape(sentence)}$"):
+            tilthex.simulate_many([CONFIG, wrong], duration=0.01, setpoint=HOME)
 
 
 def test_a_configuration_survives_its_file(tmp_path):

@@ -177,6 +177,31 @@ def test_a_plot_is_vector_graphics_by_its_name(path, tmp_path, capsys):
 
 
 @pytest.mark.real_time
+def test_a_plot_shows_an_estimate_from_the_first_pose_on(path):
+    """The estimator waits for samples at rest. Before, its state is the origin, where the tool is not."""
+    drawn = plot.figure(path)
+    position, angles = drawn.axes[0], drawn.axes[1]
+    assert position.get_ylabel() == "tool position, m"
+    flown = log.read(path, ["/flight", "/truth"])
+    rows = len(flown["/flight"]["log_time"])
+
+    def estimated(panel):
+        lines = [line for line in panel.get_lines() if line.get_linestyle() == "-"]
+        return np.transpose([line.get_ydata() for line in lines if len(line.get_ydata()) == rows])
+
+    place = estimated(position)
+    known = np.isfinite(place)
+    assert not known[0].any() and known[log.flying(flown["/flight"]["phase"])].all()
+    np.testing.assert_array_equal(np.isfinite(estimated(angles)), known)
+    # True values are logged more rarely.
+    times, truth = flown["/flight"]["log_time"], flown["/truth"]
+    for column, seen, true in zip(place.T, known.T, truth["tool_position_w"].T, strict=True):
+        np.testing.assert_allclose(
+            column[seen], np.interp(times[seen], truth["log_time"], true), rtol=0, atol=0.05
+        )
+
+
+@pytest.mark.real_time
 def test_a_plot_is_scaled_to_the_free_flight(path):
     """The ground pushes harder at the landing than anything before it."""
     drawn = plot.figure(path)

@@ -57,7 +57,7 @@ def _complete_files(parser: argparse.ArgumentParser, file: Any, words: dict[str,
         if isinstance(action, argparse._SubParsersAction):
             for one in action.choices.values():
                 _complete_files(one, file, words)
-        elif not action.choices and action.dest in words:
-            action.complete = file | {"bash": _function(action.dest)}  # type: ignore[attr-defined]
         elif action.type is Path or action.dest == "poses":
             action.complete = file  # type: ignore[attr-defined]
+        elif not action.choices and action.dest in words:
+            action.complete = file | {"bash": _function(action.dest)}  # type: ignore[attr-defined]

@@ -20,7 +20,7 @@ Array = NDArray[Any]
 OUT = "picture to write: .png, or .pdf or .svg for vector graphics (default: LOG with .png instead of .mcap)"
 PANELS = (
     "tool position, m",
-    "roll, pitch, yaw, deg",
+    "robot: roll, pitch, yaw, deg",
     "position error, mm",
     "rotation error $e_R$, 1",
     "tool force, N",
@@ -132,18 +132,24 @@ def figure(path: str | Path) -> Figure:
 
 
 def _poses(topics: dict[str, log.Columns], vehicle: Vehicle) -> dict[str, tuple[Array, Array]]:
-    """Positions of the tool, W, and orientations of the robot, by their topic; targets only in the air."""
-    found, grounded = {}, ~log.flying(topics["/flight"]["phase"])
-    for topic in ("/setpoint", "/reference", "/state"):
+    """Positions of the tool, W, and orientations of the robot, by their topic. NaN where there are none.
+
+    Targets are only in the air. Until a pose is applied, its age is the whole time of the clock.
+    """
+    unknown = dict.fromkeys(("/setpoint", "/reference"), ~log.flying(topics["/flight"]["phase"]))
+    unknown["/state"] = topics["/state"]["pose_age"] >= topics["/state"]["time"]
+    found = {}
+    for topic, none in unknown.items():
         columns = topics[topic]
         position, rotation = columns["position_w"], rotations_from_quaternions(columns["orientation"])
         if topic == "/state":
             position = position + rotation @ vehicle.tool_position
         else:
             rotation = rotation @ vehicle.tool_rotation.T
-            position, rotation = np.where(grounded[:, None], np.nan, position), rotation.copy()
-            rotation[grounded] = np.nan
-        found[topic] = position, rotation
+        found[topic] = (
+            np.where(none[:, None], np.nan, position),
+            np.where(none[:, None, None], np.nan, rotation),
+        )
     return found
 
 

@@ -202,7 +202,8 @@ def simulate_many(
     rows = {name: several.get(name, [value] * count) for name, value in given.items()}
     for number, config in enumerate(rows["configs"]):
         if not isinstance(config, _core.Config):
-            raise TypeError(f"the config of flight {number} is {config!r}; expected a tilthex.Config")
+            kind = type(config).__name__
+            raise TypeError(f"the config of flight {number} is a {kind}; expected a tilthex.Config")
     common = _COMMON | flight | {"pushes": list(flight.get("pushes", ()))}
     _check_kinds(common)
     figures, columns = _core.simulate_many(

@@ -222,8 +222,12 @@ pub(crate) fn changed<S: Section>(section: &S, order: &str, changes: Table) -> R
 /// An error text of the TOML library in one line, without the names of Rust's types.
 pub fn one_line(message: &str) -> String {
     let line = message.split_whitespace().collect::<Vec<_>>().join(" ");
-    let whole = ["u8", "u16", "u32", "u64", "usize"].map(|name| format!("expected {name}"));
-    let line = whole.iter().fold(line, |line, name| line.replace(name, "expected a whole number"));
+    macro_rules! whole_numbers {
+        ($($kind:ident)*) => { [$( (stringify!($kind), $kind::MAX.to_string()) ),*] };
+    }
+    let line = whole_numbers!(u8 u16 u32 u64 usize).iter().fold(line, |line, (kind, largest)| {
+        line.replace(&format!("expected {kind}"), &format!("expected a whole number from 0 to {largest}"))
+    });
     line.replace("expected f64", "expected a number")
 }
 

@@ -76,7 +76,18 @@ fn what_is_wrong_is_said_in_one_sentence() {
             "[allocation] order: found 1 parts, expected each of 4 once",
         ),
         ("[allocation]\nhorizon = -1", "[allocation]: "),
-        ("[link]\nbaud = 'fast'", "[link]: invalid type: string \"fast\", expected a whole number in `baud`"),
+        (
+            "[link]\nbaud = 'fast'",
+            "[link]: invalid type: string \"fast\", expected a whole number from 0 to 4294967295 in `baud`",
+        ),
+        (
+            "[link]\nbaud = -1",
+            "[link]: invalid value: integer `-1`, expected a whole number from 0 to 4294967295 in `baud`",
+        ),
+        (
+            "[link]\nbaud = 4294967296",
+            "[link]: invalid value: integer `4294967296`, expected a whole number from 0 to 4294967295 in `baud`",
+        ),
         (
             "[admittance]\ntorque_dead_zone = 'small'",
             "[admittance]: invalid type: string \"small\", expected a number in `torque_dead_zone`",

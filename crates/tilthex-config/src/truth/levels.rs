@@ -17,6 +17,11 @@ pub const LEVELS: &[(&str, &str)] = &[
 /// # Errors
 /// If there is no level with this name.
 pub(super) fn level(name: &str) -> Result<Table, ConfigError> {
+    if name.contains('\n') {
+        let sentence =
+            "found a text of several lines; expected a level, or the name of a file, which ends in .toml";
+        return Err(ConfigError::new(sentence).within("[truth]"));
+    }
     let known = LEVELS.iter().map(|l| l.0);
     section::check_known("level", name, known)
         .map_err(|e| ConfigError::new(format!("{e}; a file's name ends in .toml")).within("[truth]"))?;

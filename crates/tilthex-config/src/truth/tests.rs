@@ -182,6 +182,11 @@ fn what_is_wrong_is_said() {
         sentence("level = 'cda'"),
         "[truth]: unknown level `cda`; the nearest known one is `cad`; a file's name ends in .toml"
     );
+    // A text of TOML in the place of a level's name is not repeated in the sentence.
+    assert_eq!(
+        TruthSection::named("level = 'cad'\n").unwrap_err().to_string(),
+        "[truth]: found a text of several lines; expected a level, or the name of a file, which ends in .toml"
+    );
     assert_eq!(
         sentence("[aerodynamic]\nwind_speed = 1"),
         "[truth]: unknown key `aerodynamic`; the nearest known one is `aerodynamics`"
