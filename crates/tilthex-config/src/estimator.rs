@@ -45,7 +45,7 @@ section! {
         /// arrival. Negative if the IMU is late; `tilthex calibrate` finds it.
         latency: f64 = 0.0 => "s" from -0.05 to 0.5,
         /// If no pose has fitted for this time, and five poses in a row agree, the estimator takes over their rotation, or
-        /// their whole motion if an error of the IMU explains the difference.
+        /// their whole motion if a drift of the gyro explains the difference.
         reacquire_after: f64 = 0.3 => "s" from 0.0 to 60.0,
         /// Cut-off frequency of the angular acceleration for the correction of the IMU's lever arm.
         angular_acceleration_hz: f64 = 20.0 => "Hz" from 0.1 to 1000.0,

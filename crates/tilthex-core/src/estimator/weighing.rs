@@ -41,10 +41,8 @@ const UNDOUBTED: f64 = 1.0;
 /// A rotation that poses contradict may be wrong by this much for each second since the last pose that agreed, rad/s.
 const TURN_RATE: f64 = 0.3;
 
-/// A motion is like the one that an error of the IMU explains if it differs by less than this share of it.
+/// A motion is like the one that a drift of the gyro explains if it differs by less than this share of it.
 const LIKE: f64 = 0.5;
-/// Largest step of the accelerometer's bias, m/s^2.
-const STEP: f64 = 1.5;
 /// No blow throws a vehicle away faster than this, m/s.
 const FASTEST: f64 = 5.0;
 
@@ -261,18 +259,14 @@ impl Estimator {
         let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
         let explained = missed.is_some_and(|m| m.explains(&agreement));
         // What poses have said all the time is no error of the IMU, which grows.
-        let news = lasting && !explained && self.head.trust.is_news(since);
+        let news = !explained && self.head.trust.is_news(since);
         let drifted = news && possible && !modelled && self.drifted(&agreement, since);
         if drifted {
             agreement.rate = agreement.rotation / since;
             agreement.deviation.gyro_bias = agreement.deviation.gyro_bias.max(turned / since);
         }
-        let hidden_w = if news { self.hidden_acceleration(&agreement, since) } else { None };
-        if explained || drifted || hidden_w.is_some() || possible && self.pass_position(pose) {
+        if explained || drifted || possible && self.pass_position(pose) {
             self.believe(&agreement, modelled || drifted);
-            if let Some(hidden_w) = hidden_w {
-                self.head.state.add_accelerometer_bias(&-hidden_w);
-            }
             self.head.trust.accept(pose.time, nis);
             return Outcome::Accepted;
         }
@@ -289,22 +283,6 @@ impl Estimator {
         };
         like(&agreement.position, drift_w * (since * since / 6.0), position)
             && like(&agreement.velocity, drift_w * (since / 2.0), velocity)
-    }
-
-    /// The acceleration, m/s^2, world, that a step of the accelerometer's bias in the last `since` seconds has hidden, if it
-    /// explains what poses say: velocity and position differ along one line, as after a constant acceleration, and the rotation
-    /// does not.
-    fn hidden_acceleration(&self, agreement: &Agreement, since: f64) -> Option<Vector3> {
-        let [position, _, rotation] = self.head.state.deviations().map(|d| DEVIATIONS * d);
-        let (far, fast) = (agreement.position, agreement.velocity);
-        let time = 2.0 * far.dot(&fast) / fast.norm_squared();
-        let aside = (far - fast * (0.5 * time)).norm();
-        let explains = (0.0..=since).contains(&time)
-            && fast.norm() > agreement.deviation.velocity
-            && fast.norm() < STEP * time
-            && aside < LIKE * far.norm() + position
-            && agreement.rotation.norm() < agreement.deviation.rotation + rotation;
-        explains.then(|| fast / time)
     }
 
     /// The largest error of the position after a blow, m, `since` seconds after the last pose that agreed.

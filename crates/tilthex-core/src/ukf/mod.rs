@@ -203,15 +203,6 @@ impl UkfState {
         }
     }
 
-    /// The bias of the accelerometer has changed by about this acceleration, m/s^2, world.
-    pub fn add_accelerometer_bias(&mut self, change_w: &Vector3) {
-        self.mean.accelerometer_bias_i += self.mean.rotation_wi.transpose() * change_w;
-        for i in ACCELEROMETER_BIAS..ACCELEROMETER_BIAS + 3 {
-            self.covariance.scale(i, 0.0);
-            self.covariance.0[i][i] = change_w.norm_squared();
-        }
-    }
-
     /// Replaces position, velocity and rotation, with independent errors of the given deviations. The biases stay.
     pub fn restart(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         let fresh = Self::new(mean, deviation);
