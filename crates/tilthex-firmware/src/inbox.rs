@@ -11,15 +11,12 @@ use tilthex_link::{
 const MOST_BYTES: usize = 256;
 /// Bytes that are read at once.
 const CHUNK: usize = 64;
-/// The messages of tk3 have no checksum. In flight, all motors are stopped by a second `x` within this time, us.
-const AGAIN: u64 = 500_000;
-
 /// A tk3 message that is not carried out.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refused {
     /// The base must not turn motors.
     Motors,
-    /// The first `x` in flight.
+    /// `x` in flight. Messages of tk3 have no checksum, and no byte of a bad line may stop the motors in the air.
     Stop,
 }
 
@@ -77,18 +74,11 @@ pub(crate) struct Inbox {
     receiver: Receiver<ToVehicle>,
     clock: RemoteClock,
     pose_number: Option<u8>,
-    /// When the last `x` came, us.
-    stopped: Option<u64>,
 }
 
 impl Inbox {
     pub(crate) fn new() -> Result<Self, Error> {
-        Ok(Self {
-            receiver: Receiver::default(),
-            clock: RemoteClock::new()?,
-            pose_number: None,
-            stopped: None,
-        })
+        Ok(Self { receiver: Receiver::default(), clock: RemoteClock::new()?, pose_number: None })
     }
 
     /// Takes the bytes that have arrived, in a phase of the flight.
@@ -125,7 +115,14 @@ impl Inbox {
                     *slot = Some((*stream, *period_us));
                 }
             }
-            ToVehicle::Tk3(HostMessage::StopAll) => self.stop(micros, phase, received),
+            ToVehicle::Tk3(HostMessage::StopAll) => match phase {
+                // They stand still.
+                Phase::Disarmed => {}
+                Phase::Starting | Phase::Grounded => received.kill = true,
+                Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
+                    received.refused = Some(Refused::Stop);
+                }
+            },
             ToVehicle::Tk3(
                 HostMessage::Start(_)
                 | HostMessage::Stop(_)
@@ -133,18 +130,6 @@ impl Inbox {
                 | HostMessage::Throttles(_),
             ) => received.refused = Some(Refused::Motors),
             ToVehicle::Tk3(HostMessage::Beep(_)) => {}
-        }
-    }
-
-    fn stop(&mut self, micros: u64, phase: Phase, received: &mut Received) {
-        let last = self.stopped.replace(micros);
-        let again = last.is_some_and(|last| micros.saturating_sub(last) <= AGAIN);
-        match phase {
-            // They stand still.
-            Phase::Disarmed => {}
-            Phase::Starting | Phase::Grounded => received.kill = true,
-            _ if again => received.kill = true,
-            _ => received.refused = Some(Refused::Stop),
         }
     }
 

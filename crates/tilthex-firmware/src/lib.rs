@@ -179,7 +179,7 @@ impl Firmware {
         if let Some(refused) = received.refused.filter(|_| now - self.complained >= QUIET) {
             let reason = match refused {
                 Refused::Motors => "refused: the vehicle flies by itself",
-                Refused::Stop => "x in flight: a second one within 0.5 s stops the motors",
+                Refused::Stop => "x in flight is refused; the order kill stops the motors",
             };
             self.outbox.say(Severity::Warning, &[reason]);
             self.complained = now;

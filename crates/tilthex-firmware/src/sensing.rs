@@ -3,7 +3,7 @@
 use crate::board::{Board, ImuReading};
 use tilthex_core::{
     flight::{Inertial, MAX_SAMPLES, Telemetry},
-    supervisor::limits::{IMU_FROZEN, STREAM_SILENT},
+    supervisor::limits::STREAM_SILENT,
 };
 
 /// Largest readings: rad/s, m/s^2. Larger ones are no measurements.
@@ -15,8 +15,6 @@ pub(crate) struct Sensors {
     pub(crate) telemetry: Telemetry,
     /// The newest reading.
     pub(crate) imu: Option<ImuReading>,
-    /// How many readings in a row are equal to the one before.
-    same: u32,
     /// Whether a reading since the last sample has left its range.
     shaken: bool,
 }
@@ -25,7 +23,7 @@ impl Sensors {
     pub(crate) fn new(rotor_count: usize) -> Self {
         let mut telemetry = Telemetry::new(rotor_count);
         telemetry.link.identified = true;
-        Self { telemetry, imu: None, same: 0, shaken: false }
+        Self { telemetry, imu: None, shaken: false }
     }
 
     /// Reads everything that is new at `now`, s.
@@ -56,9 +54,8 @@ impl Sensors {
             last.gyro_i == reading.gyro_i && last.specific_force_i == reading.specific_force_i
         };
         let last = self.imu.replace(*reading);
-        self.same = if last.is_some_and(alike) { self.same.saturating_add(1) } else { 0 };
         let inertial = &mut self.telemetry.inertial;
-        inertial.frozen = self.same >= IMU_FROZEN;
+        inertial.note_reading(last.is_some_and(alike));
         inertial.saturated = reading.saturated;
         let within = |values: &[f64], most: f64| values.iter().all(|x| (-most..=most).contains(x));
         let sound = within(reading.gyro_i.as_slice(), LARGEST.0)

@@ -167,7 +167,7 @@ impl Trust {
         self.doubted
     }
 
-    /// Whether poses contradict the state that still say the same.
+    /// Whether the last poses contradict the state, and all of them say the same.
     pub(super) fn contradicts(&self) -> bool {
         self.contradicted > 0
     }

@@ -147,7 +147,7 @@ impl Estimator {
         let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
         let doubt = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed);
         if doubt.is_some() && self.head.trust.contradicts() {
-            // One pose would correct the velocity by all of its difference; together they show it.
+            // One pose alone would change the velocity too much. Several poses together show the velocity.
             let uncertain = Missed { position: f64::INFINITY, velocity: self.undoubted() };
             return self.contradict(pose, measured, said, Some(uncertain));
         }
@@ -258,7 +258,7 @@ impl Estimator {
         let turned = agreement.rotation.norm();
         let possible = lasting && turned < RIGHT_ANGLE && turned < TURN_RATE * since;
         let explained = missed.is_some_and(|m| m.explains(&agreement));
-        // What poses have said all the time is no error of the IMU, which grows.
+        // An error of the IMU grows. A difference that poses have shown all the time is another error.
         let news = !explained && self.head.trust.is_news(since);
         let drifted = news && possible && !modelled && self.drifted(&agreement, since);
         if drifted {
@@ -294,7 +294,7 @@ impl Estimator {
     /// The largest error of the state after doubtful samples, `since` seconds after the last pose that agreed.
     fn missed(&self, doubt: &Doubt, since: f64) -> Missed {
         let [position, velocity, _] = self.head.state.deviations().map(|d| DEVIATIONS * d);
-        // What the vehicle has struck meanwhile throws it back, at most.
+        // If the vehicle has struck something, its velocity is reversed at most.
         let fast = velocity + 2.0 * self.head.state.mean.velocity_w.norm();
         Missed { position: doubt.position + fast * since + position, velocity: doubt.velocity + fast }
     }

@@ -56,7 +56,7 @@ impl LiftOff {
     pub(super) fn feel(&mut self, state: &Navigation, specific_force_i: &Vector3, time: f64, dt: f64) {
         if let Some(witness) = &mut self.witness {
             if witness.missed(time) {
-                *witness = Witness::again(time);
+                witness.begin_again(time);
                 return;
             }
             let felt_w = state.rotation_wi * (specific_force_i - state.accelerometer_bias_i);
@@ -230,6 +230,9 @@ mod tests {
                 waiting.drain(..).for_each(|pose| watch.see(&pose));
                 let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
                 prop_assert!(told.late.is_none() && !told.mirrored, "{time} {told:?}");
+                // Where the captured body has come is known all the time.
+                let moved = watch.witness.as_ref().map_or_else(Vector3::zeros, Witness::way);
+                prop_assert!((moved - (way(time) - way(0.01))).norm() < 3e-3 || time < 0.01, "{time} {moved}");
             }
         }
 

@@ -1,6 +1,9 @@
 //! Telemetry: the measurements and states that a vehicle reports, over any link.
 
-use crate::types::{MAX_ROTORS, RotorVector, Vector3};
+use crate::{
+    supervisor::limits::IMU_FROZEN,
+    types::{MAX_ROTORS, RotorVector, Vector3},
+};
 
 /// Largest number of inertial samples that are kept in one tick: more than those in the bytes that a tick takes from a link at its
 /// default rates.
@@ -32,6 +35,8 @@ pub struct InertialTelemetry {
     pub line_delay: f64,
     /// Whether the IMU repeats its readings exactly.
     pub frozen: bool,
+    /// How many readings in a row are equal to the one before.
+    equal: u32,
     /// Whether the newest reading is at the end of its range.
     pub saturated: bool,
     /// Whether a sample was refused in this tick.
@@ -39,6 +44,12 @@ pub struct InertialTelemetry {
 }
 
 impl InertialTelemetry {
+    /// Counts a reading: whether it is equal to the one before, in all its numbers.
+    pub fn note_reading(&mut self, equal: bool) {
+        self.equal = if equal { self.equal.saturating_add(1) } else { 0 };
+        self.frozen = self.equal >= IMU_FROZEN;
+    }
+
     /// Keeps a usable sample that arrived at `now`, s; samples after [`MAX_SAMPLES`] are dropped.
     pub fn push(&mut self, now: f64, sample: Inertial) {
         self.heard = now;
@@ -137,6 +148,7 @@ impl Telemetry {
                 heard: LONG_AGO,
                 line_delay: 0.0,
                 frozen: false,
+                equal: 0,
                 saturated: false,
                 refused_now: false,
             },

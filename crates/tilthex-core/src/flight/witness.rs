@@ -104,9 +104,9 @@ impl Default for Witness {
 }
 
 impl Witness {
-    /// A comparison that begins in motion, at a time, s.
-    pub(super) fn again(now: f64) -> Self {
-        Self { begin: now, now, ..Self::default() }
+    /// Begins the comparison again in motion, at a time, s. The captured positions stay.
+    pub(super) fn begin_again(&mut self, now: f64) {
+        *self = Self { begin: now, now, from_w: self.from_w, seen: self.seen, ..Self::default() };
     }
 
     /// Whether nothing was felt for too long before a time, s.

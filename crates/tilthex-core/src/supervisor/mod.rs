@@ -30,6 +30,17 @@ pub enum Phase {
 }
 
 impl Phase {
+    /// All phases, in the order of their numbers in logs and on lines. Numbers never change.
+    pub const ALL: [Self; 7] = [
+        Self::Disarmed,
+        Self::Starting,
+        Self::Grounded,
+        Self::Flying,
+        Self::Holding,
+        Self::Landing,
+        Self::Emergency,
+    ];
+
     /// Whether the vehicle is off the ground.
     #[must_use]
     pub fn in_flight(self) -> bool {

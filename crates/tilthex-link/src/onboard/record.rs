@@ -144,16 +144,6 @@ impl RecordParts {
     }
 }
 
-/// The phases in the order of their numbers.
-const PHASES: [Phase; 7] = [
-    Phase::Disarmed,
-    Phase::Starting,
-    Phase::Grounded,
-    Phase::Flying,
-    Phase::Holding,
-    Phase::Landing,
-    Phase::Emergency,
-];
 /// The number that stands for no fault.
 const NO_FAULT: u8 = u8::MAX;
 
@@ -178,7 +168,7 @@ impl FlightPart {
         let mut from = Reader::new(body)?;
         let wrong = from.out_of_range();
         let (number, time) = (from.u8()?, from.u32()?);
-        let phase = PHASES.get(usize::from(from.u8()?)).copied().ok_or(wrong)?;
+        let phase = Phase::ALL.get(usize::from(from.u8()?)).copied().ok_or(wrong)?;
         let (facts, faults) = (Facts(from.u8()?), from.u64()?);
         let ended_by = Some(from.u8()?).filter(|fault| *fault != NO_FAULT);
         let pose_age = from.u16()?;

@@ -6,7 +6,6 @@ use tilthex_core::{
     Error, Vector3,
     clock_sync::{ClockParams, ClockSync},
     flight::{Inertial, InertialTelemetry},
-    supervisor::limits::IMU_FROZEN,
 };
 
 /// Larger readings are impossible: rad/s, m/s^2.
@@ -28,7 +27,6 @@ pub(super) struct InertialStream {
     line: LineDelay,
     gate: Gate<6>,
     last: Option<SensorCombined>,
-    same: u32,
     leapt: bool,
     shaken: bool,
     lost: u32,
@@ -51,7 +49,6 @@ impl InertialStream {
             line: LineDelay::default(),
             gate: Gate::new(gate)?,
             last: None,
-            same: 0,
             leapt: false,
             shaken: false,
             lost: 0,
@@ -75,8 +72,7 @@ impl InertialStream {
         let alike =
             |last: SensorCombined| last.gyro == sample.gyro && last.accelerometer == sample.accelerometer;
         let last = self.last.replace(*sample);
-        self.same = if last.is_some_and(alike) { self.same.saturating_add(1) } else { 0 };
-        out.frozen = self.same >= IMU_FROZEN;
+        out.note_reading(last.is_some_and(alike));
         out.saturated = sample.clipped;
         if out.saturated {
             (self.shaken, self.leapt) = (true, false);

@@ -6,7 +6,6 @@ use tilthex_core::{
     Error,
     clock_sync::ClockParams,
     flight::{Inertial, InertialTelemetry},
-    supervisor::limits::IMU_FROZEN,
 };
 
 /// Counts of at least this magnitude are at the end of the IMU's range.
@@ -27,7 +26,6 @@ pub(super) struct ImuStream {
     gate: Gate<6>,
     odd_lengths: u8,
     last_frame: Option<ImuFrame>,
-    same_frames: u32,
     leapt: bool,
     shaken: bool,
 }
@@ -50,7 +48,6 @@ impl ImuStream {
             gate: Gate::new(gate)?,
             odd_lengths: 0,
             last_frame: None,
-            same_frames: 0,
             leapt: false,
             shaken: false,
         })
@@ -83,9 +80,7 @@ impl ImuStream {
         }
         self.odd_lengths = 0;
         let alike = |last: ImuFrame| last.accelerometer == frame.accelerometer && last.gyro == frame.gyro;
-        let same = self.last_frame.replace(*frame).is_some_and(alike);
-        self.same_frames = if same { self.same_frames.saturating_add(1) } else { 0 };
-        out.frozen = self.same_frames >= IMU_FROZEN;
+        out.note_reading(self.last_frame.replace(*frame).is_some_and(alike));
         let full = |x: &i16| x.unsigned_abs() >= FULL_SCALE;
         out.saturated = frame.accelerometer.iter().chain(&frame.gyro).any(full);
         if out.saturated {

@@ -11,7 +11,7 @@ use tilthex_core::{allocation::Priority, supervisor::Phase};
 use tilthex_sim::feed::Tick;
 
 use super::{
-    value::{Message, PACKAGE, PARTS, PHASES},
+    value::{Message, PACKAGE, PARTS},
     values::{COMMAND, Content, POSE, QUATERNION, REPLAYED, TIMED, TRUTH, TickChannel, VECTOR, WRENCH},
 };
 
@@ -85,7 +85,7 @@ pub(super) static DESCRIPTORS: LazyLock<Vec<u8>> = LazyLock::new(|| {
         package: Some(PACKAGE.into()),
         message_type: messages,
         enum_type: vec![
-            enumeration("Phase", PHASES.map(Phase::name)),
+            enumeration("Phase", Phase::ALL.map(Phase::name)),
             enumeration("Part", PARTS.map(|part| part.map_or("none", Priority::name))),
         ],
         syntax: Some("proto3".into()),

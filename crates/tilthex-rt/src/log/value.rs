@@ -70,17 +70,6 @@ pub(super) const fn field<S>(
     Field { number, name, unit, state, doc, get }
 }
 
-/// The phases in the order of their numbers in the log. Numbers never change.
-pub(super) const PHASES: [Phase; 7] = [
-    Phase::Disarmed,
-    Phase::Starting,
-    Phase::Grounded,
-    Phase::Flying,
-    Phase::Holding,
-    Phase::Landing,
-    Phase::Emergency,
-];
-
 /// The parts that the allocator can give up, in the order of their numbers in the log. Numbers never change.
 pub(super) const PARTS: [Option<Priority>; 5] = [
     None,
@@ -146,7 +135,7 @@ impl<S> Field<S> {
             Get::Total(get) => encode_unless(get(source), 0, |v| e::uint64::encode(n, v, out)),
             Get::Faults(get) => encode_unless(get(source).0, 0, |v| e::fixed64::encode(n, v, out)),
             Get::Phase(get) => {
-                encode_unless(number_in(&PHASES, &get(source)), 0, |v| e::int32::encode(n, v, out));
+                encode_unless(number_in(&Phase::ALL, &get(source)), 0, |v| e::int32::encode(n, v, out));
             }
             Get::Part(get) => {
                 encode_unless(number_in(&PARTS, &get(source)), 0, |v| e::int32::encode(n, v, out));
