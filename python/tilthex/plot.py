@@ -100,7 +100,7 @@ def figure(path: str | Path) -> Figure:
                 lines(panel, "/truth", topics["/truth"][f"tool_wrench_w.{of}"], "-", "true", pale=0.4)
             lines(panel, "/wrench", wrench[f"tool_w.{of}"], "-", "estimated")
         off = poses["/reference"][0] - poses["/setpoint"][0]
-        lines(axes[3, 0], "/reference", 1e3 * off, "-", "estimated")
+        lines(axes[3, 0], "/reference", 1e3 * off, "--", "reference")
         rotors = topics["/rotors"]["measured"]
         shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.9, rotors.shape[1]))
         time = topics["/rotors"]["log_time"] - begin
