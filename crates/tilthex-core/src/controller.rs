@@ -160,6 +160,19 @@ impl Controller {
         self.admittance = filter;
     }
 
+    /// The same laws with other gains of pose controller and observer.
+    ///
+    /// # Errors
+    /// The first gain that a block refuses.
+    pub fn with_gains(&self, pose: PoseGains, observer: ObserverGains) -> Result<Self, Error> {
+        Ok(Self {
+            pose: PoseController::new(pose)?,
+            observer: WrenchObserver::new(&self.vehicle, observer)?,
+            params: ControllerParams { pose, observer, ..self.params },
+            ..*self
+        })
+    }
+
     /// The same laws for a vehicle whose model has been corrected.
     #[must_use]
     pub fn for_vehicle(&self, vehicle: &Vehicle) -> Self {

@@ -41,6 +41,31 @@ proptest! {
     }
 }
 
+proptest! {
+    /// A simulation may take a control period of 2 ms in one step.
+    #[test]
+    fn one_step_of_a_period_is_two_of_its_half(
+        rotation_wr in rotation(), omega in vector(5.0), velocity_w in vector(2.0), force in vector(10.0),
+        torque in vector(0.5), speeds in prop::array::uniform6(30.0..100.0f64), order in prop::array::uniform6(30.0..100.0f64),
+    ) {
+        let plant = Plant::new(tilt_hex());
+        let rotors = |speeds: [f64; 6]| RotorVector::from_fn(|i, _| speeds.get(i).copied().unwrap_or(0.0));
+        let robot = RobotState { position_w: Vector3::zeros(), velocity_w, rotation_wr, angular_velocity_r: omega };
+        let mut whole = PlantState::new(robot, rotors(speeds));
+        let mut halves = whole;
+        let external = Wrench { force, torque };
+        plant.step(&mut whole, &rotors(order), &external, 2e-3);
+        for _ in 0..2 {
+            plant.step(&mut halves, &rotors(order), &external, 1e-3);
+        }
+        let (w, h) = (whole.robot, halves.robot);
+        prop_assert!((w.position_w - h.position_w).amax() < 1e-9);
+        prop_assert!((w.velocity_w - h.velocity_w).amax() < 1e-8);
+        prop_assert!((w.rotation_wr - h.rotation_wr).amax() < 1e-8);
+        prop_assert!((w.angular_velocity_r - h.angular_velocity_r).amax() < 1e-6);
+    }
+}
+
 #[test]
 fn hover_stays_where_it_is() {
     let plant = Plant::new(tilt_hex());

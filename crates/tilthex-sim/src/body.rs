@@ -154,6 +154,9 @@ impl Own {
     /// The part of the nominal wrench that damaged and reversed rotors do not exert: force W, torque R.
     fn lost_thrust(&self) -> Wrench {
         let (speeds, kept) = (&self.state.rotor_speeds, &self.thrust);
+        if kept.iter().all(|part| *part >= 1.0) && self.reversed.iter().all(|reversed| *reversed == 0.0) {
+            return Wrench::ZERO;
+        }
         let lost = speeds.zip_map(kept, |w, kept| w * (1.0 - kept).sqrt());
         let mut body = self.plant.vehicle().body_wrench(&lost);
         for ((rotor, speed), reversed) in self.plant.vehicle().rotors().iter().zip(speeds).zip(&self.reversed)

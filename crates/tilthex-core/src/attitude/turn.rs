@@ -20,6 +20,8 @@ const BRAKING: f64 = 0.5;
 const JUMP: f64 = 0.08;
 /// Largest product of bandwidth and period; a slower filter above it stays stable.
 const LARGEST_STEP: f64 = 0.2;
+/// No vehicle's angular acceleration is larger, rad/s^2.
+const LARGEST: f64 = 1e5;
 /// Turns and rates below this, rad and rad/s, count as zero.
 const NONE: f64 = 1e-9;
 
@@ -43,17 +45,21 @@ impl TurnLimits {
             let out = allocator.allocate(&Vector6::new(0.0, 0.0, weight, torque.x, torque.y, torque.z));
             matches!(out.given_up, None | Some(Priority::LateralForce))
         };
-        let largest = |axis: Vector3| {
-            let (mut low, mut high) = (0.0, 1e5);
+        // The smaller of `least` and the largest possible acceleration about an axis.
+        let smaller = |least: f64, axis: Vector3| {
+            if possible(axis * least) {
+                return least;
+            }
+            let (mut low, mut high) = (0.0, LARGEST);
             for _ in 0..40 {
                 let middle = 0.5 * (low + high);
-                if possible(axis * middle) { low = middle } else { high = middle }
+                if middle < least && possible(axis * middle) { low = middle } else { high = middle }
             }
             low
         };
         let around = (0..24).map(|k| f64::from(k) * core::f64::consts::PI / 12.0);
-        let tilt = around.map(|a| largest(Vector3::new(cos(a), sin(a), 0.0))).fold(f64::INFINITY, f64::min);
-        let yaw = largest(Vector3::z()).min(largest(-Vector3::z()));
+        let tilt = around.map(|a| Vector3::new(cos(a), sin(a), 0.0)).fold(LARGEST, smaller);
+        let yaw = [Vector3::z(), -Vector3::z()].into_iter().fold(LARGEST, smaller);
         // A vehicle that is too heavy to hover needs limits too.
         Self { tilt: (SHARE * tilt).max(1.0), yaw: (SHARE * yaw).max(1.0) }
     }

@@ -1,7 +1,8 @@
 //! Control over a line that has become late: slower gains, and the state at the time at which a command arrives.
 
 use crate::{
-    controller::ControllerParams,
+    Error,
+    controller::{Controller, ControllerParams},
     pose_control::PoseGains,
     so3,
     types::{RobotState, Vector3},
@@ -17,22 +18,19 @@ const OBSERVER: f64 = 3.0;
 /// Number of ticks that are remembered.
 const TICKS: usize = 64;
 
-/// The parameters with gains that are not faster than [`POSITION`], [`ROTATION`] and [`OBSERVER`].
-pub(super) fn slowed(params: &ControllerParams) -> ControllerParams {
+/// The controller with gains that are not faster than [`POSITION`], [`ROTATION`] and [`OBSERVER`].
+pub(super) fn slowed(controller: &Controller) -> Result<Controller, Error> {
+    let ControllerParams { pose, observer, .. } = controller.params();
     let most = |gain: Vector3, limit: f64| gain.map(|x| x.min(limit));
-    ControllerParams {
-        pose: PoseGains {
-            position: most(params.pose.position, POSITION * POSITION),
-            velocity: most(params.pose.velocity, 2.0 * POSITION),
-            rotation: most(params.pose.rotation, ROTATION * ROTATION),
-            angular_velocity: most(params.pose.angular_velocity, 2.0 * ROTATION),
-        },
-        observer: ObserverGains {
-            force: most(params.observer.force, OBSERVER),
-            torque: most(params.observer.torque, OBSERVER),
-        },
-        ..*params
-    }
+    let pose = PoseGains {
+        position: most(pose.position, POSITION * POSITION),
+        velocity: most(pose.velocity, 2.0 * POSITION),
+        rotation: most(pose.rotation, ROTATION * ROTATION),
+        angular_velocity: most(pose.angular_velocity, 2.0 * ROTATION),
+    };
+    let observer =
+        ObserverGains { force: most(observer.force, OBSERVER), torque: most(observer.torque, OBSERVER) };
+    controller.with_gains(pose, observer)
 }
 
 /// The rotations that the last commands will still cause.

@@ -173,9 +173,10 @@ impl Flight {
             max_speeds[i] = rotor.max_speed;
         }
         check_range("rotor_speed_age", params.rotor_speed_age, 0.0, LARGEST_ROTOR_SPEED_AGE)?;
+        let controller = Controller::new(vehicle, params.controller)?;
         Ok(Self {
-            controller: Controller::new(vehicle, params.controller)?,
-            slow_controller: Controller::new(vehicle, late::slowed(&params.controller))?,
+            slow_controller: late::slowed(&controller)?,
+            controller,
             pending: Pending::default(),
             control: ControllerState::default(),
             estimator: Estimator::new(params.estimator)?,

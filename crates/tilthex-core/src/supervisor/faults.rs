@@ -247,6 +247,11 @@ impl FaultSet {
         }
     }
 
+    /// Takes a fault out of the set.
+    pub fn remove(&mut self, fault: Fault) {
+        self.0 &= !(1 << fault as u8);
+    }
+
     /// Whether the fault is in the set.
     #[must_use]
     pub fn contains(self, fault: Fault) -> bool {
@@ -261,7 +266,12 @@ impl FaultSet {
 
     /// The rows of the faults in the set.
     pub fn rows(self) -> impl Iterator<Item = &'static Row> {
-        TABLE.iter().filter(move |row| self.contains(row.fault))
+        let mut left = self.0;
+        core::iter::from_fn(move || {
+            let row = TABLE.get(left.trailing_zeros() as usize)?;
+            left &= left - 1;
+            Some(row)
+        })
     }
 }
 

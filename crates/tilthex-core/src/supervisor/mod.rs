@@ -101,7 +101,9 @@ pub struct Supervisor {
     phase: Phase,
     active: FaultSet,
     seen: FaultSet,
-    /// For how long each condition has held (positive) or has been absent (negative), s.
+    /// The conditions that held in the last tick.
+    held: FaultSet,
+    /// For how long each condition has held (positive) or, while its fault is active, has been absent (negative), s.
     timers: [f64; COUNT],
     counts: [u32; COUNT],
     landed: bool,
@@ -115,6 +117,7 @@ impl Default for Supervisor {
             phase: Phase::Disarmed,
             active: FaultSet::NONE,
             seen: FaultSet::NONE,
+            held: FaultSet::NONE,
             timers: [0.0; COUNT],
             counts: [0; COUNT],
             landed: false,
@@ -249,23 +252,31 @@ impl Supervisor {
     }
 
     fn time_faults(&mut self, conditions: FaultSet, dt: f64) {
-        // The table is in the order of the faults' numbers.
-        for ((row, timer), count) in TABLE.iter().zip(&mut self.timers).zip(&mut self.counts) {
+        // The timers of all others are zero.
+        let timed = FaultSet(conditions.0 | self.active.0 | self.held.0);
+        for row in timed.rows() {
+            let number = row.fault as usize;
+            let (Some(timer), Some(count)) = (self.timers.get_mut(number), self.counts.get_mut(number))
+            else {
+                continue;
+            };
             let was = self.active.contains(row.fault);
             if conditions.contains(row.fault) {
-                *timer = if *timer < 0.0 { dt } else { *timer + dt };
+                *timer = timer.max(0.0) + dt;
                 if !was && *timer >= row.after {
                     self.active.insert_if(row.fault, true);
                     self.seen.insert_if(row.fault, true);
                     *count = count.saturating_add(1);
                 }
             } else {
-                *timer = if *timer > 0.0 { -dt } else { *timer - dt };
-                if was && -*timer >= row.over {
-                    self.active.0 &= !(1 << row.fault as u8);
+                *timer = timer.min(0.0) - dt;
+                if !was || -*timer >= row.over {
+                    self.active.remove(row.fault);
+                    *timer = 0.0;
                 }
             }
         }
+        self.held = conditions;
     }
 }
 

@@ -111,6 +111,11 @@ impl Record {
         self.active = active;
     }
 
+    /// Whether any quantity is recorded.
+    pub(super) fn is_wanted(&self) -> bool {
+        self.wanted.contains(&true)
+    }
+
     /// Adds a row to the next column, if it is recorded. Every row adds to the columns in the order of [`NAMES`].
     pub(super) fn put(&mut self, name: &'static str, row: &[f64]) {
         let (number, column) = self.next;
