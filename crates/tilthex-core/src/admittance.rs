@@ -315,13 +315,13 @@ fn without_outward(rate: Vector3, outward: Option<Vector3>) -> Vector3 {
 pub fn centre_of_mass_reference(tool_reference: &Setpoint, tool: &Mounting) -> Reference {
     let t = tool_reference;
     let rotation_wr = t.rotation_we * tool.rotation_r.transpose();
-    let to_body = rotation_wr.transpose();
     let attitude = Reference {
-        angular_velocity_r: to_body * t.angular_velocity_w,
-        angular_acceleration_r: to_body * t.angular_acceleration_w,
+        angular_velocity_r: rotation_wr.tr_mul(&t.angular_velocity_w),
+        angular_acceleration_r: rotation_wr.tr_mul(&t.angular_acceleration_w),
         ..Reference::hold(t.position_w, rotation_wr)
     };
-    about_tool(t, &attitude, &tool.position_r)
+    let turning_w = (&t.angular_velocity_w, &t.angular_acceleration_w);
+    with_tool_at(t, attitude, turning_w, &tool.position_r)
 }
 
 /// The reference of the centre of mass for a given attitude, with the position and the motion at which the tool is at
@@ -331,14 +331,25 @@ pub(crate) fn about_tool(
     attitude: &Reference,
     tool_position_r: &Vector3,
 ) -> Reference {
-    let (t, r) = (tool_reference, &attitude.rotation_wr);
-    let lever_w = r * tool_position_r;
-    let (omega, alpha) = (r * attitude.angular_velocity_r, r * attitude.angular_acceleration_r);
+    let r = &attitude.rotation_wr;
+    let (omega_w, alpha_w) = (r * attitude.angular_velocity_r, r * attitude.angular_acceleration_r);
+    with_tool_at(tool_reference, *attitude, (&omega_w, &alpha_w), tool_position_r)
+}
+
+/// The same with the attitude's angular velocity and acceleration in W.
+fn with_tool_at(
+    tool: &Setpoint,
+    attitude: Reference,
+    (omega_w, alpha_w): (&Vector3, &Vector3),
+    tool_position_r: &Vector3,
+) -> Reference {
+    let lever_w = attitude.rotation_wr * tool_position_r;
+    let whirl_w = omega_w.cross(&lever_w);
     Reference {
-        position_w: t.position_w - lever_w,
-        velocity_w: t.velocity_w - omega.cross(&lever_w),
-        acceleration_w: t.acceleration_w - alpha.cross(&lever_w) - omega.cross(&omega.cross(&lever_w)),
-        ..*attitude
+        position_w: tool.position_w - lever_w,
+        velocity_w: tool.velocity_w - whirl_w,
+        acceleration_w: tool.acceleration_w - alpha_w.cross(&lever_w) - omega_w.cross(&whirl_w),
+        ..attitude
     }
 }
 

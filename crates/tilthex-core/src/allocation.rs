@@ -263,12 +263,18 @@ impl Allocator {
     ) -> Allocation {
         let wrench = wrench.map(wanted_component);
         let inputs = self.inverse * wrench + self.offset;
-        let (lower, upper) = self.limits(status);
-        if within(&inputs, &lower, &upper) {
+        let reached;
+        let (lower, upper) = if self.params.horizon > 0.0 || status.lost != 0 {
+            reached = self.limits(status);
+            (&reached.0, &reached.1)
+        } else {
+            (&self.lower, &self.upper)
+        };
+        if within(&inputs, lower, upper) {
             state.searched = false;
             return self.unlimited(&wrench, inputs);
         }
-        self.search(state, &wrench, Some(rotation_wr).filter(|_| self.by_world), (&lower, &upper))
+        self.search(state, &wrench, Some(rotation_wr).filter(|_| self.by_world), (lower, upper))
     }
 
     /// The inputs to stay near. `None` without redundant rotors: then no two inputs produce the same wrench.
@@ -363,7 +369,8 @@ fn wanted_component(x: f64) -> f64 {
 }
 
 fn within(inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {
-    inputs.iter().zip(lower.iter().zip(upper.iter())).all(|(u, (l, h))| l <= u && u <= h)
+    let limits = lower.as_slice().iter().zip(upper.as_slice());
+    inputs.as_slice().iter().zip(limits).all(|(u, (l, h))| l <= u && u <= h)
 }
 
 #[cfg(test)]

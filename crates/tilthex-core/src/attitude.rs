@@ -306,7 +306,10 @@ impl AttitudeSelector {
         if size < 1e-6 * self.weight {
             return Some(Vector3::zeros());
         }
-        let possible = self.nearest_of_size(state, &force_r, rotors)?;
+        let Some(first) = self.section.cut(&mut state.search, &force_r, rotors, INSIDE * size) else {
+            return Some(Vector3::zeros());
+        };
+        let possible = self.nearest_of_size(state, &force_r, first, rotors)?;
         // Rotates the possible direction onto the wanted one.
         let axis = possible.cross(&force_r);
         let (sine, cosine) = (axis.norm(), possible.dot(&force_r));
@@ -319,21 +322,22 @@ impl AttitudeSelector {
     }
 
     /// The possible force with the same magnitude that is nearest to `force_r`, if there is one. Found by cutting
-    /// planes of the section, each from the last guess.
+    /// planes of the section, the first given, each other one from the last guess.
     fn nearest_of_size(
         &self,
         state: &mut AttitudeState,
         force_r: &Vector3,
+        first: (Vector3, f64),
         rotors: &RotorStatus,
     ) -> Option<Vector3> {
-        let size = force_r.norm();
+        let tolerance = INSIDE * force_r.norm();
         let mut sphere = Sphere::new(*force_r);
-        let mut guess = *force_r;
+        let (mut guess, mut cut) = (*force_r, Some(first));
         for _ in 0..ROUNDS {
-            let cut = self.section.cut(&mut state.search, &guess, rotors, INSIDE * size);
             let Some((normal, offset)) = cut else { break };
             sphere.cut(Plane { normal, offset });
             guess = sphere.nearest()?;
+            cut = self.section.cut(&mut state.search, &guess, rotors, tolerance);
         }
         Some(guess)
     }

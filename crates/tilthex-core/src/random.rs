@@ -2,7 +2,7 @@
 
 use crate::types::Vector3;
 use core::f64::consts::TAU;
-use libm::{cos, log, sin, sqrt};
+use libm::{log, sincos, sqrt};
 
 /// SplitMix64 (Steele, Lea, Flood 2014) with normal variates by Box and Muller.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,9 +38,9 @@ impl Random {
             return spare;
         }
         let radius = sqrt(-2.0 * log(1.0 - self.uniform()));
-        let angle = TAU * self.uniform();
-        self.spare = Some(radius * sin(angle));
-        radius * cos(angle)
+        let (sine, cosine) = sincos(TAU * self.uniform());
+        self.spare = Some(radius * sine);
+        radius * cosine
     }
 
     /// Three independent normal numbers of deviation `sigma`.

@@ -19,6 +19,8 @@ use libm::{acos, atan2, cos, fabs, sin, sqrt};
 
 /// Below this squared angle the trigonometric ratios are summed as series.
 const SMALL_ANGLE_SQUARED: f64 = 1e-2;
+/// Trace of a rotation whose angle is a little less than the root of that.
+const SMALL_ANGLE_TRACE: f64 = 3.0 - 0.99 * SMALL_ANGLE_SQUARED;
 
 /// `hat(a) b = a x b`.
 #[must_use]
@@ -33,18 +35,43 @@ pub fn vee(m: &Matrix3) -> Vector3 {
     0.5 * Vector3::new(m[(2, 1)] - m[(1, 2)], m[(0, 2)] - m[(2, 0)], m[(1, 0)] - m[(0, 1)])
 }
 
+/// The sum of `coefficients[k] x^k`.
+#[inline]
+fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
+    coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
+}
+
 /// sin(t)/t, (1-cos(t))/t^2 and (t-sin(t))/t^3 of t^2.
+#[inline]
 pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
     if t2 < SMALL_ANGLE_SQUARED {
-        let a = 1.0 - t2 / 6.0 * (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0)));
-        let b = 0.5 * (1.0 - t2 / 12.0 * (1.0 - t2 / 30.0 * (1.0 - t2 / 56.0 * (1.0 - t2 / 90.0))));
-        let c = (1.0 - t2 / 20.0 * (1.0 - t2 / 42.0 * (1.0 - t2 / 72.0 * (1.0 - t2 / 110.0)))) / 6.0;
+        let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
+        let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0]);
+        let c = polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0]);
         (a, b, c)
     } else {
         let t = sqrt(t2);
         let (s, h) = (sin(t), sin(0.5 * t));
         (s / t, 2.0 * h * h / t2, (t - s) / (t2 * t))
     }
+}
+
+/// t/sin(t) of sin(t)^2, for small angles: the series of the arc sine.
+#[inline]
+fn arc_ratio(s2: f64) -> f64 {
+    polynomial(
+        s2,
+        [
+            1.0,
+            1.0 / 6.0,
+            3.0 / 40.0,
+            5.0 / 112.0,
+            35.0 / 1152.0,
+            63.0 / 2816.0,
+            231.0 / 13_312.0,
+            143.0 / 10_240.0,
+        ],
+    )
 }
 
 /// The rotation by the angle `|v|` about `v` (Rodrigues).
@@ -75,10 +102,14 @@ pub fn exp(v: &Vector3) -> Matrix3 {
 #[must_use]
 pub fn log(r: &Matrix3) -> Vector3 {
     // The unit quaternion, by the largest of its four components (Shepperd),
-    // is exact to rounding at every angle, unlike the trace.
+    // is exact to rounding at every angle, unlike the trace. At small angles their sines are.
     let (m00, m11, m22) = (r[(0, 0)], r[(1, 1)], r[(2, 2)]);
-    let skew = 2.0 * vee(r);
     let trace = m00 + m11 + m22;
+    if trace > SMALL_ANGLE_TRACE {
+        let sine = vee(r);
+        return sine * arc_ratio(sine.norm_squared());
+    }
+    let skew = 2.0 * vee(r);
     let (mut w, mut v) = if trace >= m00 && trace >= m11 && trace >= m22 {
         (1.0 + trace, skew)
     } else if m00 >= m11 && m00 >= m22 {
@@ -99,12 +130,8 @@ pub fn log(r: &Matrix3) -> Vector3 {
         v = -v;
     }
     let n = v.norm();
-    let q = n / w;
-    if q * q < 1e-10 {
-        // 2 atan(q)/n -> 2/w (1 - q^2/3), with no division by n.
-        return v * (2.0 / w * (1.0 - q * q / 3.0));
-    }
-    v * (2.0 * atan2(n, w) / n)
+    // No rotation has n = 0 here.
+    if n > 0.0 { v * (2.0 * atan2(n, w) / n) } else { v }
 }
 
 /// Angle of the rotation, rad, in `[0, pi]`.
@@ -122,18 +149,18 @@ pub fn left_jacobian(v: &Vector3) -> Matrix3 {
     Matrix3::identity() + b * h + c * h * h
 }
 
-/// Inverse of [`left_jacobian`], for angles below 2 pi.
+/// `J^-1 d` for the [`left_jacobian`] J of `v`, for angles below 2 pi.
 #[must_use]
-pub fn left_jacobian_inverse(v: &Vector3) -> Matrix3 {
+pub fn left_jacobian_solve(v: &Vector3, d: &Vector3) -> Vector3 {
     let t2 = v.norm_squared();
-    let (a, b, _) = ratios(t2);
     let c = if t2 < SMALL_ANGLE_SQUARED {
-        (1.0 + t2 / 60.0 * (1.0 + t2 / 42.0 * (1.0 + t2 / 40.0))) / 12.0
+        polynomial(t2, [1.0 / 12.0, 1.0 / 720.0, 1.0 / 30_240.0, 1.0 / 1_209_600.0])
     } else {
+        let (a, b, _) = ratios(t2);
         (1.0 - 0.5 * a / b) / t2
     };
-    let h = hat(v);
-    Matrix3::identity() - 0.5 * h + c * h * h
+    let across = v.cross(d);
+    d - 0.5 * across + c * v.cross(&across)
 }
 
 /// The rotation nearest to `m` (Frobenius norm), for `m` near a rotation: Newton's iteration for the polar factor.
@@ -176,6 +203,18 @@ pub fn straightened(r: &Matrix3) -> Matrix3 {
     // Newton's steps to the polar factor without an inverse: each squares the defect.
     let steps = if near { 3 } else { 0 };
     (0..steps).fold(*r, |r, _| 1.5 * r - 0.5 * r * (r.transpose() * r))
+}
+
+/// A product of rotations without the rounding errors of its columns' lengths and angles, up to their squares.
+#[must_use]
+pub(crate) fn unrounded(r: &Matrix3) -> Matrix3 {
+    let (x, y) = (r.column(0), r.column(1));
+    let half = 0.5 * x.dot(&y);
+    let (along_x, along_y): (Vector3, Vector3) = (x - half * y, y - half * x);
+    // Newton's step to the inverse of a root near one.
+    let unit = |v: Vector3| v * (1.5 - 0.5 * v.norm_squared());
+    let (x, y) = (unit(along_x), unit(along_y));
+    Matrix3::from_columns(&[x, y, x.cross(&y)])
 }
 
 /// Refuses a matrix that is not a rotation to `1e-6`.
@@ -293,15 +332,15 @@ mod tests {
         }
 
         #[test]
-        fn jacobian_has_its_inverse(a in unit(), t in angles()) {
+        fn jacobian_has_its_inverse(a in unit(), t in angles(), d in unit()) {
             let v = t * a;
-            prop_assert!((left_jacobian(&v) * left_jacobian_inverse(&v) - Matrix3::identity()).amax() < 1e-12);
+            prop_assert!((left_jacobian(&v) * left_jacobian_solve(&v, &d) - d).amax() < 1e-12);
         }
 
         #[test]
         fn jacobian_is_the_derivative(a in unit(), t in 0.0..3.0f64, b in unit()) {
             let (v, d) = (t * a, 1e-6 * b);
-            let moved = exp(&(v + left_jacobian_inverse(&v) * d));
+            let moved = exp(&(v + left_jacobian_solve(&v, &d)));
             prop_assert!((moved - exp(&d) * exp(&v)).amax() < 1e-10);
         }
 
@@ -310,6 +349,14 @@ mod tests {
             let r = exp(&(t * a));
             let found = project(&(scale * r)).unwrap();
             prop_assert!((found - r).amax() < 1e-12);
+        }
+
+        #[test]
+        fn rounding_errors_are_removed(a in unit(), t in angles(), errors in prop::array::uniform9(-1e-7..1e-7f64)) {
+            let r = exp(&(t * a));
+            let found = unrounded(&(r + Matrix3::from_row_slice(&errors)));
+            prop_assert!(rotation_defect(&found) < 1e-12);
+            prop_assert!((found - r).amax() < 1e-6);
         }
 
         #[test]

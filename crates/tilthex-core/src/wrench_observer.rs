@@ -146,7 +146,7 @@ impl WrenchObserver {
         // and its mean is given by the left Jacobian.
         let turn = last.rotation_wr.transpose() * input.rotation_wr;
         let gained = turn * momentum_r - last.momentum_r;
-        let mean_torque_r = so3::left_jacobian_inverse(&so3::log(&turn)) * gained / dt;
+        let mean_torque_r = so3::left_jacobian_solve(&so3::log(&turn), &gained) / dt;
         let torque_r = mean_torque_r - 0.5 * (last.torque_r + actuation.torque);
 
         let fraction = |gain: &Vector3| {

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::{
     so3,
-    types::{Matrix3, Vector3, Vector6},
+    types::{Vector3, Vector6},
 };
 
 /// The period for which a filter is prepared if no other is given, s.
@@ -84,9 +84,8 @@ impl<B: Block> Motion<'_, B> {
                 self.taylor_step(state, rest);
             }
         }
-        // A product of exponentials drifts from SO(3) by rounding only: one Newton step removes it.
-        let r = &state.rotation;
-        state.rotation = r * (1.5 * Matrix3::identity() - 0.5 * r.tr_mul(r));
+        // A product of exponentials drifts from SO(3) by rounding only.
+        state.rotation = so3::unrounded(&state.rotation);
     }
 
     /// One step of the linear part in closed form.

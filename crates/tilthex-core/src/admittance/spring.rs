@@ -72,23 +72,27 @@ impl Spring {
         self.outer.is_none()
     }
 
-    /// The stored energy, J.
+    /// The stored energy, J. G is symmetric: `tr(G A)` is the sum of the products of their entries.
     pub(super) fn energy(&self, translation: &Vector3, turn: &Matrix3) -> f64 {
         let cross = translation.dot(&(self.coupling * vee(turn)));
         0.5 * translation.dot(&(self.translation * translation))
             + cross
-            + (self.g * (Matrix3::identity() - turn)).trace()
+            + self.g.dot(&(Matrix3::identity() - turn))
     }
 
-    /// The spring at a deviation; without `coupled`, translation and rotation do not act on each other.
+    /// The spring at a deviation; without `coupled`, no axis acts on another: the matrices are diagonal.
     pub(super) fn at(&self, translation: &Vector3, turn: &Matrix3, coupled: bool) -> Strained {
-        let turned = turn * self.g;
-        let mut force = self.translation * translation;
-        let mut torque = self.outward(2.0 * vee(&turned));
-        if coupled {
-            force += self.coupling * vee(turn);
-            torque += across(turn, &self.pull(translation));
+        if !coupled {
+            let [gx, gy, gz] = [self.g.m11, self.g.m22, self.g.m33];
+            let turned =
+                Matrix3::from_columns(&[turn.column(0) * gx, turn.column(1) * gy, turn.column(2) * gz]);
+            let force = self.translation.diagonal().component_mul(translation);
+            let torque = self.outward(2.0 * vee(&turned));
+            return Strained { wrench: join(&force, &torque), turned };
         }
+        let turned = turn * self.g;
+        let force = self.translation * translation + self.coupling * vee(turn);
+        let torque = self.outward(2.0 * vee(&turned)) + across(turn, &self.pull(translation));
         Strained { wrench: join(&force, &torque), turned }
     }
 
@@ -103,7 +107,9 @@ impl Spring {
     ) -> Vector6 {
         let a = &strained.turned;
         // 2 vee(hat(w) A) = (tr(A) I - A) w.
-        let mut torque = self.outward(turning * a.trace() - a * turning) - self.rotation * turning;
+        let linear =
+            if coupled { self.rotation * turning } else { self.rotation.diagonal().component_mul(turning) };
+        let mut torque = self.outward(turning * a.trace() - a * turning) - linear;
         let mut force = Vector3::zeros();
         if coupled {
             let turned = hat(turning) * turn;
@@ -117,13 +123,11 @@ impl Spring {
     /// The linear spring's wrench at a small deviation (translation, rotation vector).
     pub(super) fn linear(&self, deviation: &Vector6, coupled: bool) -> Vector6 {
         let (p, turn) = halves(deviation);
-        let mut force = self.translation * p;
-        let mut torque = self.rotation * turn;
-        if coupled {
-            force += self.coupling * turn;
-            torque += self.pull(&p);
+        if !coupled {
+            let [force, torque] = [&self.translation, &self.rotation].map(Matrix3::diagonal);
+            return join(&force.component_mul(&p), &torque.component_mul(&turn));
         }
-        join(&force, &torque)
+        join(&(self.translation * p + self.coupling * turn), &(self.rotation * turn + self.pull(&p)))
     }
 
     fn outward(&self, torque: Vector3) -> Vector3 {

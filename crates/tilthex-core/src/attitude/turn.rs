@@ -18,6 +18,8 @@ const SHARE: f64 = 0.5;
 const BRAKING: f64 = 0.5;
 /// If the wanted attitude is this far, rad, from the one that its angular velocity predicts, it has jumped.
 const JUMP: f64 = 0.08;
+/// Trace of a rotation by it: 1 + 2 cos(JUMP).
+const JUMP_TRACE: f64 = 3.0 - JUMP * JUMP + JUMP * JUMP * JUMP * JUMP / 12.0;
 /// Largest product of bandwidth and period; a slower filter above it stays stable.
 const LARGEST_STEP: f64 = 0.2;
 /// No vehicle's angular acceleration is larger, rad/s^2.
@@ -136,10 +138,11 @@ impl TurnFilter {
         let Some((rotation_wr, velocity_r)) = state.wanted else { return };
         // The wanted attitude one period ago, by its present angular velocity.
         let origin_wr = wanted.rotation_wr * so3::exp(&(-dt * wanted.angular_velocity_r));
-        let jump = origin_wr.transpose() * rotation_wr;
-        if so3::angle(&jump) <= JUMP {
+        // The trace of the rotation from one to the other.
+        if origin_wr.dot(&rotation_wr) >= JUMP_TRACE {
             return;
         }
+        let jump = origin_wr.transpose() * rotation_wr;
         let before = so3::exp(&state.turn);
         let turn = jump * before;
         state.turn = so3::log(&turn);

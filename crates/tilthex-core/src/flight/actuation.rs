@@ -156,7 +156,7 @@ impl Flight {
 
     /// Takes a command that is finite, limited to the rotors' limits; otherwise keeps the last one.
     fn accept(&mut self, command: &RotorVector) -> bool {
-        let finite = command.iter().all(|w| w.is_finite());
+        let finite = command.as_slice().iter().all(|w| w.is_finite());
         if finite {
             self.command = command.sup(&self.min_speeds).inf(&self.max_speeds);
         }

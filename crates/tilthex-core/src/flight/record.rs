@@ -195,15 +195,15 @@ impl Flight {
         input: &Measured<'_>,
         period: f64,
         rotor_speeds: &RotorVector,
-        out: &mut Record,
+        record: &mut Record,
     ) {
-        let mut taken = InputRecord { time: input.time, host: input.host, ..Record::default().input };
-        taken.command = input.command.is_some();
+        *record = Record { tick: self.tick, dt: period, ..Record::default() };
+        let taken = &mut record.input;
+        (taken.time, taken.host, taken.command) = (input.time, input.host, input.command.is_some());
         for (slot, pose) in taken.poses.iter_mut().zip(input.poses) {
             *slot = *pose;
         }
         taken.pose_count = input.poses.len().min(MAX_POSES) as u8;
-        let mut record = Record { tick: self.tick, dt: period, input: taken, ..Record::default() };
         record.phase = self.supervisor.phase();
         record.faults = self.supervisor.active();
         let estimator = &self.estimator;
@@ -243,6 +243,5 @@ impl Flight {
         record.counters = self.watch.counters(telemetry);
         record.model = self.model_record();
         record.imu_samples = telemetry.inertial.samples().len() as u8;
-        *out = record;
     }
 }

@@ -128,9 +128,11 @@ impl RotorModel {
     #[must_use]
     pub(super) fn speeds(&self, motors: &[Motor], now: f64, at: f64) -> RotorVector {
         let mut speeds = RotorVector::zeros();
-        let model = self.expected.iter().zip(self.gain.iter());
+        let model = self.expected.as_slice().iter().zip(self.gain.as_slice());
         let expected_at = |age: f64, i: usize| self.past.at(age).and_then(|w| w.get(i).copied());
-        for (i, ((speed, (expected, gain)), motor)) in speeds.iter_mut().zip(model).zip(motors).enumerate() {
+        for (i, ((speed, (expected, gain)), motor)) in
+            speeds.as_mut_slice().iter_mut().zip(model).zip(motors).enumerate()
+        {
             let believed = self.doubted >> i & 1 == 0 && self.is_measured(motor, now);
             let changed = |(later, earlier): (f64, f64)| gain * (later - earlier);
             *speed = if believed {
@@ -161,7 +163,7 @@ impl RotorModel {
     }
 
     fn where_measured(&self, motors: &[Motor], now: f64, is: impl Fn(f64, f64) -> bool) -> u16 {
-        let model = self.expected.iter().zip(self.gain.iter());
+        let model = self.expected.as_slice().iter().zip(self.gain.as_slice());
         motors.iter().zip(model).enumerate().fold(0, |set, (i, (motor, (expected, gain)))| {
             if self.is_measured(motor, now) && is(motor.speed, expected * gain) { set | 1 << i } else { set }
         })

@@ -22,6 +22,10 @@ impl StoppedWatch {
     /// One tick, with the motors that measure standstill, those that report a stop, and the rotors that still lift.
     /// Bit `i` of the result is set if motor `i` has stopped.
     pub(super) fn step(&mut self, measured: u16, own: u16, lifting: u16, dt: f64) -> u16 {
+        if measured == 0 && self.doubted == 0 {
+            self.since = [0.0; MAX_ROTORS];
+            return 0;
+        }
         let mut stopped = 0;
         for (i, (since, restored)) in self.since.iter_mut().zip(&mut self.restored).enumerate() {
             let bit = 1 << i;

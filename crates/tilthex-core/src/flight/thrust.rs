@@ -102,11 +102,10 @@ impl ThrustWatch {
     /// Bit `i` is set if rotor `i` produces at least half of its wrench at these speeds, Hz, although the external
     /// wrench was computed with this rotor at rest.
     pub(super) fn lifting(&self, vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> u16 {
-        let given = |rotor: usize, speed: f64| {
-            column(vehicle, self.arm, rotor).map_or(0.0, |c| c.norm()) * speed * speed
-        };
-        speeds.iter().enumerate().take(vehicle.rotor_count()).fold(0, |set, (rotor, speed)| {
-            let lifts = -missing(vehicle, self.arm, rotor, external_r) > LIFTS * given(rotor, *speed);
+        let found = scaled(&external_r.to_vector(), self.arm);
+        speeds.as_slice().iter().enumerate().take(vehicle.rotor_count()).fold(0, |set, (rotor, speed)| {
+            let lifts = column(vehicle, self.arm, rotor)
+                .is_some_and(|column| found.dot(&column) > LIFTS * column.norm_squared() * speed * speed);
             if lifts { set | 1 << rotor } else { set }
         })
     }
@@ -114,7 +113,8 @@ impl ThrustWatch {
 
 /// A wrench whose torques are expressed as forces at the arm.
 fn scaled(w: &Vector6, arm: f64) -> Vector6 {
-    Vector6::new(w[0], w[1], w[2], w[3] / arm, w[4] / arm, w[5] / arm)
+    let per_arm = 1.0 / arm;
+    Vector6::new(w[0], w[1], w[2], w[3] * per_arm, w[4] * per_arm, w[5] * per_arm)
 }
 
 /// The scaled wrench of a rotor (from 0) for a squared speed of 1.
@@ -138,7 +138,7 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
         return None;
     }
     let mut best: Option<(usize, f64)> = None;
-    for (i, speed) in speeds.iter().enumerate().take(vehicle.rotor_count()) {
+    for (i, speed) in speeds.as_slice().iter().enumerate().take(vehicle.rotor_count()) {
         let Some(given) = column(vehicle, arm, i).map(|column| column * (speed * speed.abs())) else {
             continue;
         };

@@ -170,9 +170,8 @@ impl Plant {
         let k4 = rates(&k3, dt, &w2, &end);
         let sum = |f: fn(&Rates) -> Vector3| dt / 6.0 * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
 
-        let turned = start.rotation_wr * so3::exp(&sum(|k| k.turn));
-        // One Newton step removes the rounding errors before they accumulate.
-        let rotation_wr = turned * (1.5 * Matrix3::identity() - 0.5 * turned.transpose() * turned);
+        // The rounding errors are removed before they accumulate.
+        let rotation_wr = so3::unrounded(&(start.rotation_wr * so3::exp(&sum(|k| k.turn))));
         let momentum = momentum_w + sum(|k| k.momentum);
         state.robot = RobotState {
             position_w: start.position_w + sum(|k| k.position),
