@@ -181,7 +181,7 @@ impl AdmittanceFilter {
     #[must_use]
     pub fn energy(&self, state: &AdmittanceState) -> f64 {
         let moving = 0.5 * state.twist_w.dot(&(self.params.mass * state.twist_w));
-        moving + self.spring.energy(&state.translation_w, &state.rotation)
+        moving + self.spring.energy(&state.translation_w, &state.rotation, true)
     }
 
     /// Moves the reference by `dt` seconds under the wrench `h_hat + h_user` at the tool (world), which is constant

@@ -1,12 +1,17 @@
 //! Cost of a controller tick and of a simulated period: `cargo bench -p tilthex-sim --bench control`.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use std::hint::black_box;
+use std::{
+    hint::black_box,
+    time::{Duration, Instant},
+};
 use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_core::{
-    Matrix3, Setpoint, Vector3,
+    GRAVITY, Matrix3, RobotState, Setpoint, Vector3,
     controller::{Controller, ControllerInput, ControllerState},
     plant::{Plant, SensorParams},
+    random::Random,
+    so3,
     trajectory::Trajectory,
 };
 use tilthex_sim::{
@@ -34,10 +39,59 @@ fn tick(c: &mut Criterion) {
         lost_rotors: 0,
         fixed_attitude: false,
     };
+    println!("slowest of 1000000 random controller ticks: {:.1} us", slowest_tick(&controller, 1_000_000));
     let mut state = ControllerState::default();
     c.bench_function("controller tick", |b| {
         b.iter(|| controller.step(&mut state, black_box(&input), PERIOD));
     });
+}
+
+/// Time of the slowest of many ticks, us: far from the set-point, pushed, tilted, and turning, so that rotors reach their
+/// limits and force is given up. A machine that stands still must not count: of the ticks that took longest, each is
+/// repeated from its state.
+fn slowest_tick(controller: &Controller, count: usize) -> f64 {
+    let mut random = Random::new(5);
+    let mut state = ControllerState::default();
+    let mut slowest: Vec<(Duration, ControllerState, ControllerInput)> = Vec::new();
+    let timed = |state: &ControllerState, input: &ControllerInput| {
+        let mut state = *state;
+        let start = Instant::now();
+        black_box(controller.step(&mut state, black_box(input), PERIOD));
+        (start.elapsed(), state)
+    };
+    let vehicle = controller.vehicle();
+    let hover = Plant::new(*vehicle).hover(Vector3::zeros());
+    for _ in 0..count {
+        let size = 10f64.powf(3.0 * random.uniform() - 3.0);
+        let rotation_wr = so3::exp(&random.normal3(size));
+        let input = ControllerInput {
+            state: RobotState {
+                position_w: random.normal3(size),
+                velocity_w: random.normal3(size),
+                rotation_wr,
+                angular_velocity_r: random.normal3(3.0 * size),
+            },
+            specific_force_r: rotation_wr.transpose() * Vector3::z() * GRAVITY + random.normal3(10.0 * size),
+            rotor_speeds: hover.rotor_speeds,
+            setpoint: Setpoint::hold(vehicle.tool().position_r, Matrix3::identity()),
+            compliant: true,
+            unyielding: None,
+            learn_bias: false,
+            lost_rotors: 0,
+            fixed_attitude: false,
+        };
+        let (time, next) = timed(&state, &input);
+        if slowest.len() < 100 || slowest.last().is_some_and(|(least, ..)| time > *least) {
+            slowest.push((time, state, input));
+            slowest.sort_by(|a, b| b.0.cmp(&a.0));
+            slowest.truncate(100);
+        }
+        state = next;
+    }
+    let least = |(_, state, input): &(Duration, ControllerState, ControllerInput)| {
+        (0..50).map(|_| timed(state, input).0).min().unwrap_or_default()
+    };
+    slowest.iter().map(least).max().unwrap_or_default().as_secs_f64() * 1e6
 }
 
 fn closed_loop(c: &mut Criterion) {

@@ -121,7 +121,7 @@ impl<B: Block> Motion<'_, B> {
     /// Removes from the motion the energy beyond that of the start and the work done on it.
     fn keep_passive(&self, state: &mut AdmittanceState, start: &AdmittanceState, work: f64) {
         let moving = |s: &AdmittanceState| 0.5 * s.twist_w.dot(&self.law.mass.apply(&s.twist_w));
-        let stored = |s: &AdmittanceState| self.spring.energy(&s.translation_w, &s.rotation);
+        let stored = |s: &AdmittanceState| self.spring.energy(&s.translation_w, &s.rotation, B::COUPLED);
         let left = moving(start) + stored(start) + work - stored(state);
         if left < 0.0 {
             *state = AdmittanceState { twist_w: Vector6::zeros(), ..*start };

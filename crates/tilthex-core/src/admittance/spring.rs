@@ -73,11 +73,14 @@ impl Spring {
     }
 
     /// The stored energy, J. G is symmetric: `tr(G A)` is the sum of the products of their entries.
-    pub(super) fn energy(&self, translation: &Vector3, turn: &Matrix3) -> f64 {
+    pub(super) fn energy(&self, translation: &Vector3, turn: &Matrix3, coupled: bool) -> f64 {
+        let bent = Matrix3::identity() - turn;
+        if !coupled {
+            let stretched = self.translation.diagonal().component_mul(translation);
+            return 0.5 * translation.dot(&stretched) + self.g.diagonal().dot(&bent.diagonal());
+        }
         let cross = translation.dot(&(self.coupling * vee(turn)));
-        0.5 * translation.dot(&(self.translation * translation))
-            + cross
-            + self.g.dot(&(Matrix3::identity() - turn))
+        0.5 * translation.dot(&(self.translation * translation)) + cross + self.g.dot(&bent)
     }
 
     /// The spring at a deviation; without `coupled`, no axis acts on another: the matrices are diagonal.
