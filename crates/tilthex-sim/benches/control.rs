@@ -83,7 +83,7 @@ fn slowest_tick(controller: &Controller, count: usize) -> f64 {
         let (time, next) = timed(&state, &input);
         if slowest.len() < 100 || slowest.last().is_some_and(|(least, ..)| time > *least) {
             slowest.push((time, state, input));
-            slowest.sort_by(|a, b| b.0.cmp(&a.0));
+            slowest.sort_by_key(|tick| std::cmp::Reverse(tick.0));
             slowest.truncate(100);
         }
         state = next;

@@ -10,7 +10,7 @@ pub use record::{Column, FaultChange, NAMES, Record};
 use std::collections::VecDeque;
 use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
-    Matrix3, PoseSample, RobotState, Setpoint, Vector3,
+    Matrix3, PoseSample, RobotState, Setpoint, Vector3, Wrench,
     admittance::centre_of_mass_reference,
     flight::{
         AirborneStart, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured, MotorCommand,
@@ -25,8 +25,8 @@ use tilthex_core::{
 
 /// Control period, s.
 pub const PERIOD: f64 = 0.002;
-/// Cycles of the body in a control period: two, as a vehicle has them, or one for a rigid body in free air, whose steps are
-/// exact enough at twice the length (a test compares the two).
+/// Cycles of the body in a control period: two, as a vehicle has them, or one for a rigid body that nothing touches, whose
+/// steps are exact enough at twice the length (a test compares the two).
 const CYCLES: usize = 2;
 const CYCLES_IN_FREE_AIR: usize = 1;
 /// Control periods between two captured poses.
@@ -99,8 +99,8 @@ fn fly(
 struct World {
     plant: Plant,
     body: Own,
-    /// Cycles of the body in a control period.
-    cycles: usize,
+    /// Whether it is a rigid body high above the ground.
+    free: bool,
     sensors: Sensors,
     /// The point whose pose motion capture gives, from the centre of mass, R, m.
     captured_r: Vector3,
@@ -145,7 +145,7 @@ impl World {
         Ok(Self {
             plant,
             body,
-            cycles: if free { CYCLES_IN_FREE_AIR } else { CYCLES },
+            free,
             sensors: Sensors::new(sensor_params, scenario.seed),
             captured_r: sensor_params.captured_r,
             estimate: scenario.estimate,
@@ -231,8 +231,11 @@ impl World {
         };
         // The pushes of a whole period are those at its begin, when they were measured.
         let since_start = self.started.map(|started| self.time - started);
-        let dt = PERIOD / self.cycles as f64;
-        for k in 1..=self.cycles {
+        // A push is constant in the world, not in the body, which turns.
+        let untouched = self.free && self.body.tool_wrench_w() == Wrench::ZERO;
+        let cycles = if untouched { CYCLES_IN_FREE_AIR } else { CYCLES };
+        let dt = PERIOD / cycles as f64;
+        for k in 1..=cycles {
             let at = ((self.time + k as f64 * dt) * 1e9) as Nanos;
             self.body.advance(&Cycle { at, dt, since_start }, &speeds);
             self.sensors.pass(&self.plant, self.body.state(), dt);
