@@ -136,6 +136,25 @@ fn missing_samples_do_not_make_another_body_possible() {
     ]);
 }
 
+/// Without an IMU nothing shows whether a rotor that reports a stop lifts: the model that replaces the IMU takes it as turning, and
+/// the vehicle lands on its feet.
+#[test]
+fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
+    let world = hovering();
+    for rotor in 0..6 {
+        let frozen = fault(Kind::ImuFrozen, 0.9, 0.7, 0.5, 0);
+        let zero = fault(Kind::TelemetryZero, 1.05, 0.2 + 0.3 * rotor as f64, 0.5, rotor);
+        let outcome = campaign::fly(world.clone(), vec![frozen, zero], 7);
+        assert_eq!(outcome.failure, None, "{rotor}: {outcome:?}");
+        assert!(outcome.ended && !outcome.toppled, "{rotor}: {outcome:?}");
+    }
+    let frozen = fault(Kind::ImuFrozen, 0.8775960566237254, 0.7285766965964035, 0.10399596276051604, 24);
+    let zero = fault(Kind::TelemetryZero, 1.005862695348532, 0.17691847344051576, 0.5681027679608214, 3);
+    let early = fault(Kind::ImuFrozen, 0.09672116760268201, 0.40087822551766217, 0.7462576474237289, 27);
+    let long = fault(Kind::TelemetryZero, 0.28003483840594623, 1.8688580117828326, 0.6399573328912002, 15);
+    none_fails(&[(2040586, &[frozen, zero]), (1993097, &[early, long])]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

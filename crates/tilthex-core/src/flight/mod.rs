@@ -264,7 +264,10 @@ impl Flight {
         self.rotor_model.set_garbled(self.supervisor.active().contains(Fault::LinkGarbage));
         self.rotor_model.step(&self.command, !input.host.link_lost, period);
         let sampled = input.telemetry.inertial.samples().last().map_or(now, |s| s.time.min(now));
-        let rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now, sampled);
+        let mut rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now, sampled);
+        if self.stops_unseen() {
+            rotor_speeds = self.rotor_model.turning(&rotor_speeds);
+        }
         let before = self.robot_state();
         self.estimate(input, &rotor_speeds, dt);
         self.absorb_jump(&before, dt);
@@ -276,12 +279,18 @@ impl Flight {
         self.tick += 1;
     }
 
+    /// Whether nothing would show that a rotor stops: a model replaces the IMU of a vehicle whose rotors turned until then.
+    fn stops_unseen(&self) -> bool {
+        self.estimator.is_modelled() && !self.supervisor.active().contains(Fault::MotorNotSpinning)
+    }
+
     fn supervise(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, period: f64, dt: f64) {
         let before = self.supervisor.phase();
         let motors = input.telemetry.motors();
         let own = motors.iter().enumerate().fold(0, |set, (i, m)| set | u16::from(m.emergency) << i);
         let still = self.rotor_model.stopped(motors, input.time);
-        let stopped = self.stopped.step(still, own, self.lifting, dt);
+        let lifting = if self.stops_unseen() { u16::MAX } else { self.lifting };
+        let stopped = self.stopped.step(still, own, lifting, dt);
         self.rotor_model.set_doubted(self.stopped.doubted());
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
         let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);

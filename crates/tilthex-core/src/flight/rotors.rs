@@ -152,6 +152,19 @@ impl RotorModel {
         (wrong & !self.doubted).count_ones() as usize
     }
 
+    /// Rotor speeds, Hz, while a model replaces the IMU: a rotor that reports a stop counts as turning. Without an IMU nothing
+    /// shows whether it lifts, and a model that believes a false report turns the vehicle over within 0.1 s.
+    #[must_use]
+    pub(super) fn turning(&self, speeds: &RotorVector) -> RotorVector {
+        let expected = self.expected();
+        speeds.zip_map(
+            &expected,
+            |speed, expected| {
+                if fabs(speed) < STOPPED * fabs(expected) { expected } else { speed }
+            },
+        )
+    }
+
     /// Bit `i` is set if motor `i` (from 0) measures standstill. If half of the motors do, the commands do not
     /// arrive, and no bit is set.
     #[must_use]
