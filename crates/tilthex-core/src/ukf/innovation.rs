@@ -148,5 +148,6 @@ impl UkfState {
         mean.velocity_w += part(&step, VELOCITY);
         mean.position_w += part(&step, POSITION);
         mean.rotation_wi = so3::exp(&part(&step, ROTATION)) * mean.rotation_wi;
+        self.make_definite();
     }
 }

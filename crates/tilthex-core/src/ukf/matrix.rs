@@ -29,27 +29,27 @@ impl Triangle {
         self.0[i][i]
     }
 
-    /// The lower triangular factor `L` with `L L^T` equal to this matrix, zero above the diagonal. None if a pivot is
-    /// not above `1e-15` of its diagonal entry.
-    pub(super) fn cholesky(&self) -> Option<Self> {
-        let mut l = Self::ZERO;
-        let positive = self.factor_panel::<0>(&mut l)
-            && self.factor_panel::<4>(&mut l)
-            && self.factor_panel::<8>(&mut l)
-            && self.factor_panel::<12>(&mut l);
+    /// The first `COLUMNS` columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the
+    /// diagonal. None if one of their pivots is not above `1e-15` of its diagonal entry.
+    pub(super) fn cholesky<const COLUMNS: usize>(&self) -> Option<[Column; COLUMNS]> {
+        let mut l = [[0.0; LANES]; COLUMNS];
+        let positive = self.factor_panel::<0, COLUMNS>(&mut l)
+            && self.factor_panel::<4, COLUMNS>(&mut l)
+            && self.factor_panel::<8, COLUMNS>(&mut l)
+            && self.factor_panel::<12, COLUMNS>(&mut l);
         positive.then_some(l)
     }
 
     /// Columns `FIRST..FIRST + 4` of the factor (left-looking).
     #[inline]
-    fn factor_panel<const FIRST: usize>(&self, l: &mut Self) -> bool {
-        for j in FIRST..N.min(FIRST + 4) {
+    fn factor_panel<const FIRST: usize, const COLUMNS: usize>(&self, l: &mut [Column; COLUMNS]) -> bool {
+        for j in FIRST..COLUMNS.min(FIRST + 4) {
             let mut column = self.0[j];
             let entry = column[j];
             for k in 0..j {
-                let factor = l.0[k][j];
+                let factor = l[k][j];
                 for i in FIRST..LANES {
-                    column[i] -= factor * l.0[k][i];
+                    column[i] -= factor * l[k][i];
                 }
             }
             let pivot = column[j];
@@ -58,34 +58,10 @@ impl Triangle {
             }
             let scale = 1.0 / libm::sqrt(pivot);
             for i in FIRST..LANES {
-                l.0[j][i] = if i >= j { column[i] * scale } else { 0.0 };
+                l[j][i] = if i >= j { column[i] * scale } else { 0.0 };
             }
         }
         true
-    }
-
-    /// `A A^T` of a lower triangular `A`.
-    pub(super) fn gram(&self) -> Self {
-        let mut p = Self::ZERO;
-        self.gram_panel::<0>(&mut p);
-        self.gram_panel::<4>(&mut p);
-        self.gram_panel::<8>(&mut p);
-        self.gram_panel::<12>(&mut p);
-        p
-    }
-
-    #[inline]
-    fn gram_panel<const FIRST: usize>(&self, p: &mut Self) {
-        for j in FIRST..N.min(FIRST + 4) {
-            let mut column = [0.0; LANES];
-            for k in 0..=j {
-                let factor = self.0[k][j];
-                for i in FIRST..LANES {
-                    column[i] += factor * self.0[k][i];
-                }
-            }
-            p.0[j] = column;
-        }
     }
 
     /// Subtracts `w w^T`.

@@ -24,7 +24,9 @@
 
 mod innovation;
 mod matrix;
+mod moved;
 mod params;
+mod quaternion;
 mod sigma;
 
 pub use innovation::{Innovation, PoseNoise};
@@ -34,8 +36,8 @@ use crate::{
     Error,
     types::{Matrix3, Vector3},
 };
-use matrix::{LANES, N, Triangle};
-use sigma::{ACCELEROMETER_BIAS, GYRO_BIAS, POSITION, ROTATION, VELOCITY};
+use matrix::{Column, LANES, N, Triangle};
+use sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, ROTATION, VELOCITY};
 
 /// Covariance of the error state `(position, velocity, rotation, gyro bias,
 /// accelerometer bias)`: SI units, world coordinates for the first three, IMU coordinates for the biases.
@@ -225,7 +227,7 @@ impl UkfState {
     /// Whether mean and covariance are finite, and the covariance positive definite.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        self.covariance.is_sound() && self.covariance.cholesky().is_some() && self.mean_is_finite()
+        self.covariance.is_sound() && self.covariance.cholesky::<N>().is_some() && self.mean_is_finite()
     }
 
     fn mean_is_finite(&self) -> bool {
@@ -249,32 +251,38 @@ impl UkfState {
         }
     }
 
-    /// The factor of the covariance. If rounding has made the covariance indefinite, the correlations are reduced, by
-    /// 1e-12 and then by more and more, until it is definite.
-    fn factor(&mut self) -> Triangle {
+    /// The first columns of the factor of the covariance.
+    fn factor(&mut self) -> [Column; CURVED] {
         if let Some(l) = self.covariance.cholesky() {
             return l;
+        }
+        self.make_definite();
+        self.covariance.cholesky().unwrap_or([[0.0; LANES]; CURVED])
+    }
+
+    /// If rounding has made the covariance indefinite, reduces the correlations, by 1e-12 and then by more and more,
+    /// until it is definite.
+    fn make_definite(&mut self) {
+        if self.covariance.cholesky::<N>().is_some() {
+            return;
         }
         self.recoveries = self.recoveries.saturating_add(1);
         for shrink in [1e-12, 1e-9, 1e-6, 1e-3] {
             for j in 0..N {
                 self.covariance.0[j][j] *= 1.0 + shrink;
             }
-            if let Some(l) = self.covariance.cholesky() {
-                return l;
+            if self.covariance.cholesky::<N>().is_some() {
+                return;
             }
         }
         // At best the diagonal is left.
-        let mut l = Triangle::ZERO;
         for j in 0..N {
             let variance = self.covariance.0[j][j];
             let ceiling = CEILING[j / 3];
             let variance = if variance > 0.0 && variance < ceiling { variance } else { ceiling };
             self.covariance.0[j] = [0.0; LANES];
             self.covariance.0[j][j] = variance;
-            l.0[j][j] = libm::sqrt(variance);
         }
-        l
     }
 }
 
@@ -297,13 +305,12 @@ impl Ukf {
     /// m/s^2, IMU coordinates, including the biases.
     pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
         let factor = state.factor();
-        let moved = sigma::propagate(&state.mean, factor, gyro_i, specific_force_i, dt);
-        state.mean = moved.mean;
+        let points = sigma::propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
+        state.mean = points.mean;
         // One Newton step to the nearest rotation, so that rounding errors do not accumulate.
         let r = &state.mean.rotation_wi;
         state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
-        state.covariance = moved.factor.gram();
-        add_even(&mut state.covariance, &moved.even, dt);
+        moved::propagate(&mut state.covariance, &factor, &points, dt);
         self.add_noise(&mut state.covariance, dt);
         state.limit();
     }
@@ -320,24 +327,6 @@ impl Ukf {
             covariance.0[VELOCITY + i][VELOCITY + i] += force;
             covariance.0[VELOCITY + i][POSITION + i] += 0.5 * dt * force;
             covariance.0[POSITION + i][POSITION + i] += dt * dt / 3.0 * force;
-        }
-    }
-}
-
-/// Adds the products of the even halves: over (rotation, acceleration), of which the velocity gets `dt` and the
-/// position `dt^2/2`.
-#[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
-fn add_even(covariance: &mut Triangle, even: &[[f64; 6]; 6], dt: f64) {
-    let half = 0.5 * dt * dt;
-    for j in 0..3 {
-        for i in 0..3 {
-            let (force_rotation, force) = (even[j][i + 3], even[j + 3][i + 3]);
-            covariance.0[ROTATION + j][ROTATION + i] += even[j][i];
-            covariance.0[ROTATION + j][VELOCITY + i] += dt * force_rotation;
-            covariance.0[ROTATION + j][POSITION + i] += half * force_rotation;
-            covariance.0[VELOCITY + j][VELOCITY + i] += dt * dt * force;
-            covariance.0[VELOCITY + j][POSITION + i] += dt * half * force;
-            covariance.0[POSITION + j][POSITION + i] += half * half * force;
         }
     }
 }

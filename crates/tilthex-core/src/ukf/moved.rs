@@ -1,0 +1,137 @@
+//! The covariance of one prediction, from that before it and from the bent sigma points.
+//!
+//! With `d`, the change of the rotation error, and `f`, the acceleration from gyro bias and rotation, the error state
+//! moves linearly:
+//!
+//! ```text
+//! r' = r + d     a = f - M b     v' = v + a dt     p' = p + v dt + a dt^2 / 2
+//! ```
+//!
+//! (`b` the error of the accelerometer's bias, `M` the mean rotation.) The biases stay. So it suffices to know the
+//! covariance of `d` and `f` with the state: the columns of the factor times the odd halves.
+#![allow(clippy::needless_range_loop)] // Indices are the mathematics here.
+
+use super::{
+    matrix::{Column, LANES, Triangle},
+    sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Prediction, ROTATION, VELOCITY},
+};
+
+/// Three columns: the covariance of all entries of the state with a vector.
+type Columns = [Column; 3];
+
+/// Sums of the first `COUNT` columns of the factor, times three entries of the odd halves from `first`.
+#[inline]
+fn with_state<const COUNT: usize>(factor: &[Column; CURVED], points: &Prediction, first: usize) -> Columns {
+    let mut sums = [[0.0; LANES]; 3];
+    for j in 0..3 {
+        let mut sum = [0.0; LANES];
+        for k in 0..COUNT {
+            let weight = points.odd[k][first + j];
+            for i in 0..LANES {
+                sum[i] += weight * factor[k][i];
+            }
+        }
+        sums[j] = sum;
+    }
+    sums
+}
+
+/// Adds the change of the rotation error, whose covariance with the state is `bent`.
+#[inline]
+fn add_rotation(p: &mut Triangle, bent: &Columns, points: &Prediction) {
+    for j in 0..3 {
+        for i in 0..3 {
+            p.0[GYRO_BIAS + j][ROTATION + i] += bent[i][GYRO_BIAS + j];
+        }
+        let column = &mut p.0[ROTATION + j];
+        for i in ACCELEROMETER_BIAS..LANES {
+            column[i] += bent[j][i];
+        }
+        for i in j..3 {
+            column[ROTATION + i] += bent[j][ROTATION + i] + bent[i][ROTATION + j] + points.squares[j][i];
+        }
+    }
+}
+
+/// Covariance of the acceleration with the state, whose rotation error has changed. `forced` is that of `f` before.
+#[inline]
+fn accelerate(p: &Triangle, forced: &Columns, points: &Prediction) -> Columns {
+    let mut columns = *forced;
+    for j in 0..3 {
+        for i in 0..3 {
+            columns[j][ROTATION + i] += points.squares[i][3 + j];
+        }
+    }
+    for l in 0..3 {
+        let mut bias = p.0[ACCELEROMETER_BIAS + l];
+        for i in 0..ACCELEROMETER_BIAS + l {
+            bias[i] = p.0[i][ACCELEROMETER_BIAS + l];
+        }
+        for j in 0..3 {
+            let weight = points.mid[(j, l)];
+            for i in 0..LANES {
+                columns[j][i] -= weight * bias[i];
+            }
+        }
+    }
+    columns
+}
+
+/// Covariance of the acceleration with itself, lower triangle by columns.
+#[inline]
+fn acceleration(forced: &Columns, accelerated: &Columns, points: &Prediction) -> [[f64; 3]; 3] {
+    let mut own = [[0.0; 3]; 3];
+    for j in 0..3 {
+        for i in j..3 {
+            let mut sum = points.squares[3 + j][3 + i];
+            for l in 0..3 {
+                let bias = ACCELEROMETER_BIAS + l;
+                sum -= points.mid[(j, l)] * forced[i][bias] + points.mid[(i, l)] * accelerated[j][bias];
+            }
+            own[j][i] = sum;
+        }
+    }
+    own
+}
+
+/// Moves a covariance by `dt`; `factor` has the first columns of its factor.
+#[inline]
+pub(super) fn propagate(p: &mut Triangle, factor: &[Column; CURVED], points: &Prediction, dt: f64) {
+    let half = 0.5 * dt * dt;
+    add_rotation(p, &with_state::<3>(factor, points, 0), points);
+    let forced = with_state::<CURVED>(factor, points, 3);
+    let a = accelerate(p, &forced, points);
+    let own = acceleration(&forced, &a, points);
+    for j in 0..VELOCITY {
+        let column = &mut p.0[j];
+        for i in 0..3 {
+            let velocity = column[VELOCITY + i];
+            column[POSITION + i] += dt * velocity + half * a[i][j];
+            column[VELOCITY + i] = velocity + dt * a[i][j];
+        }
+    }
+    for j in 0..3 {
+        for i in j..3 {
+            let (ij, ji) = (p.0[VELOCITY + j][POSITION + i], p.0[VELOCITY + i][POSITION + j]);
+            let positions = a[j][POSITION + i] + a[i][POSITION + j];
+            let velocities = a[j][VELOCITY + i] + a[i][VELOCITY + j];
+            let still = dt * (ij + ji) + dt * dt * p.0[VELOCITY + j][VELOCITY + i];
+            p.0[POSITION + j][POSITION + i] +=
+                still + half * (positions + dt * velocities + half * own[j][i]);
+        }
+    }
+    for j in 0..3 {
+        for i in 0..3 {
+            let (low, high) = (i.min(j), i.max(j));
+            let moved = a[j][POSITION + i] + dt * a[j][VELOCITY + i] + half * own[low][high];
+            let velocity = p.0[VELOCITY + low][VELOCITY + high];
+            p.0[VELOCITY + j][POSITION + i] += dt * (velocity + moved) + half * a[i][VELOCITY + j];
+        }
+    }
+    for j in 0..3 {
+        for i in j..3 {
+            let velocities = a[j][VELOCITY + i] + a[i][VELOCITY + j];
+            p.0[VELOCITY + j][VELOCITY + i] += dt * (velocities + dt * own[j][i]);
+        }
+    }
+}

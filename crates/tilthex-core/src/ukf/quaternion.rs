@@ -1,0 +1,94 @@
+//! Unit quaternions: the rotations of the sigma points, without a division or a matrix for each point.
+
+use crate::types::{Matrix3, Vector3};
+use libm::{atan2, cos, sin, sqrt};
+
+/// Below this square of the half angle, sine and cosine are summed as series.
+const SMALL: f64 = 1e-2;
+
+/// A unit quaternion: scalar and vector.
+#[derive(Clone, Copy)]
+pub(super) struct Quaternion {
+    pub(super) w: f64,
+    pub(super) v: Vector3,
+}
+
+/// `cos(h)` and `sin(h)/h` of `h^2`.
+#[inline]
+fn cosine_and_ratio(h2: f64) -> (f64, f64) {
+    if h2 < SMALL {
+        // Exact to rounding, with products in the place of divisions.
+        let c = 1.0 / 24.0 - h2 * (1.0 / 720.0 - h2 * (1.0 / 40_320.0));
+        let s = 1.0 / 120.0 - h2 * (1.0 / 5040.0 - h2 * (1.0 / 362_880.0));
+        (1.0 - h2 * (0.5 - h2 * c), 1.0 - h2 * (1.0 / 6.0 - h2 * s))
+    } else {
+        let h = sqrt(h2);
+        (cos(h), sin(h) / h)
+    }
+}
+
+impl Quaternion {
+    /// The rotation by a rotation vector, rad.
+    #[inline]
+    pub(super) fn exp(turn: &Vector3) -> Self {
+        let (w, ratio) = cosine_and_ratio(0.25 * turn.norm_squared());
+        Self { w, v: 0.5 * ratio * turn }
+    }
+
+    pub(super) fn inverse(&self) -> Self {
+        Self { w: self.w, v: -self.v }
+    }
+
+    #[inline]
+    pub(super) fn times(&self, other: &Self) -> Self {
+        Self {
+            w: self.w * other.w - self.v.dot(&other.v),
+            v: self.w * other.v + other.w * self.v + self.v.cross(&other.v),
+        }
+    }
+
+    /// The rotated vector minus the vector.
+    #[inline]
+    pub(super) fn change(&self, u: &Vector3) -> Vector3 {
+        let c = 2.0 * self.v.cross(u);
+        self.w * c + self.v.cross(&c)
+    }
+
+    pub(super) fn matrix(&self) -> Matrix3 {
+        let (v, d) = (&self.v, 2.0 * self.v);
+        let (xx, yy, zz) = (d.x * v.x, d.y * v.y, d.z * v.z);
+        let (xy, xz, yz) = (d.x * v.y, d.x * v.z, d.y * v.z);
+        let w = self.w * d;
+        Matrix3::new(
+            1.0 - yy - zz,
+            xy - w.z,
+            xz + w.y,
+            xy + w.z,
+            1.0 - xx - zz,
+            yz - w.x,
+            xz - w.y,
+            yz + w.x,
+            1.0 - xx - yy,
+        )
+    }
+
+    /// Rotation vector, rad, with an angle in `[0, pi]`.
+    #[inline]
+    pub(super) fn log(&self) -> Vector3 {
+        let sign = if self.w < 0.0 { -1.0 } else { 1.0 };
+        let w = sign * self.w;
+        let n2 = self.v.norm_squared();
+        let inverse = 1.0 / w;
+        let q2 = n2 * inverse * inverse;
+        if q2 < 1e-2 {
+            // 2 atan(q)/q / w as a series, exact to rounding for q < 0.1.
+            let s = 1.0 / 13.0 - q2 * (1.0 / 15.0 - q2 * (1.0 / 17.0));
+            let s = 1.0 / 7.0 - q2 * (1.0 / 9.0 - q2 * (1.0 / 11.0 - q2 * s));
+            let s = 1.0 - q2 * (1.0 / 3.0 - q2 * (1.0 / 5.0 - q2 * s));
+            (2.0 * sign * inverse * s) * self.v
+        } else {
+            let n = sqrt(n2);
+            (2.0 * sign * atan2(n, w) / n) * self.v
+        }
+    }
+}
