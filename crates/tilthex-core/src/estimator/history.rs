@@ -207,7 +207,9 @@ impl PoseQueue {
 
     /// The first pose that was taken after `time` and not after `until`.
     pub(super) fn next(&self, time: f64, until: f64) -> Option<(usize, PoseEntry)> {
-        let (place, pose) = self.kept().iter().enumerate().find(|(_, p)| p.time > time)?;
+        // From the newest on: few or none are later.
+        let place = self.kept().iter().rposition(|p| p.time <= time).map_or(0, |last| last + 1);
+        let pose = self.kept().get(place)?;
         (pose.time <= until).then_some((place, *pose))
     }
 

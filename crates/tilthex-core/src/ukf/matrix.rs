@@ -24,20 +24,35 @@ impl Triangle {
         if i >= j { self.0[j][i] } else { self.0[i][j] }
     }
 
+    /// Column of the symmetric matrix.
+    #[inline]
+    pub(super) fn whole_column(&self, j: usize) -> Column {
+        let j = j.min(N - 1); // always true; the optimiser needs it
+        let mut column = self.0[j];
+        for i in 0..j {
+            column[i] = self.0[i][j];
+        }
+        column
+    }
+
     /// Diagonal entry.
     pub(super) fn diagonal(&self, i: usize) -> f64 {
         self.0[i][i]
     }
 
-    /// The first `COLUMNS` columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the
-    /// diagonal. None if one of their pivots is not above `1e-15` of its diagonal entry.
-    pub(super) fn cholesky<const COLUMNS: usize>(&self) -> Option<[Column; COLUMNS]> {
-        let mut l = [[0.0; LANES]; COLUMNS];
-        let positive = self.factor_panel::<0, COLUMNS>(&mut l)
-            && self.factor_panel::<4, COLUMNS>(&mut l)
-            && self.factor_panel::<8, COLUMNS>(&mut l)
-            && self.factor_panel::<12, COLUMNS>(&mut l);
-        positive.then_some(l)
+    /// Fills the first columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the
+    /// diagonal; entries that are written are not read before. False if one of their pivots is not above `1e-15` of its
+    /// diagonal entry.
+    pub(super) fn cholesky<const COLUMNS: usize>(&self, l: &mut [Column; COLUMNS]) -> bool {
+        self.factor_panel::<0, COLUMNS>(l)
+            && self.factor_panel::<4, COLUMNS>(l)
+            && self.factor_panel::<8, COLUMNS>(l)
+            && self.factor_panel::<12, COLUMNS>(l)
+    }
+
+    /// Whether this matrix has a factor.
+    pub(super) fn is_definite(&self) -> bool {
+        self.cholesky::<N>(&mut [[0.0; LANES]; N])
     }
 
     /// Columns `FIRST..FIRST + 4` of the factor (left-looking).
@@ -64,13 +79,25 @@ impl Triangle {
         true
     }
 
-    /// Subtracts `w w^T`.
-    pub(super) fn downdate(&mut self, w: &Column) {
-        for j in 0..N {
-            let factor = w[j];
-            for i in 0..LANES {
-                self.0[j][i] -= factor * w[i];
+    /// Subtracts the sum of `w w^T`.
+    pub(super) fn downdate<const M: usize>(&mut self, w: &[Column; M]) {
+        self.downdate_panel::<0, M>(w);
+        self.downdate_panel::<4, M>(w);
+        self.downdate_panel::<8, M>(w);
+        self.downdate_panel::<12, M>(w);
+    }
+
+    #[inline]
+    fn downdate_panel<const FIRST: usize, const M: usize>(&mut self, w: &[Column; M]) {
+        for j in FIRST..N.min(FIRST + 4) {
+            let mut column = self.0[j];
+            for w in w {
+                let factor = w[j];
+                for i in FIRST..LANES {
+                    column[i] -= factor * w[i];
+                }
             }
+            self.0[j] = column;
         }
     }
 

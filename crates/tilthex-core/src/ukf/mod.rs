@@ -227,7 +227,7 @@ impl UkfState {
     /// Whether mean and covariance are finite, and the covariance positive definite.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        self.covariance.is_sound() && self.covariance.cholesky::<N>().is_some() && self.mean_is_finite()
+        self.covariance.is_sound() && self.covariance.is_definite() && self.mean_is_finite()
     }
 
     fn mean_is_finite(&self) -> bool {
@@ -252,18 +252,17 @@ impl UkfState {
     }
 
     /// The first columns of the factor of the covariance.
-    fn factor(&mut self) -> [Column; CURVED] {
-        if let Some(l) = self.covariance.cholesky() {
-            return l;
+    fn factor(&mut self, l: &mut [Column; CURVED]) {
+        if !self.covariance.cholesky(l) {
+            self.make_definite();
+            self.covariance.cholesky(l);
         }
-        self.make_definite();
-        self.covariance.cholesky().unwrap_or([[0.0; LANES]; CURVED])
     }
 
     /// If rounding has made the covariance indefinite, reduces the correlations, by 1e-12 and then by more and more,
     /// until it is definite.
     fn make_definite(&mut self) {
-        if self.covariance.cholesky::<N>().is_some() {
+        if self.covariance.is_definite() {
             return;
         }
         self.recoveries = self.recoveries.saturating_add(1);
@@ -271,7 +270,7 @@ impl UkfState {
             for j in 0..N {
                 self.covariance.0[j][j] *= 1.0 + shrink;
             }
-            if self.covariance.cholesky::<N>().is_some() {
+            if self.covariance.is_definite() {
                 return;
             }
         }
@@ -304,7 +303,8 @@ impl Ukf {
     /// Moves the state by `dt` seconds (0 to 1) with constant readings: `gyro_i` in rad/s and `specific_force_i` in
     /// m/s^2, IMU coordinates, including the biases.
     pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
-        let factor = state.factor();
+        let mut factor = [[0.0; LANES]; CURVED];
+        state.factor(&mut factor);
         let points = sigma::propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
         state.mean = points.mean;
         // One Newton step to the nearest rotation, so that rounding errors do not accumulate.

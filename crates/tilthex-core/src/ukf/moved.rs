@@ -63,10 +63,7 @@ fn accelerate(p: &Triangle, forced: &Columns, points: &Prediction) -> Columns {
         }
     }
     for l in 0..3 {
-        let mut bias = p.0[ACCELEROMETER_BIAS + l];
-        for i in 0..ACCELEROMETER_BIAS + l {
-            bias[i] = p.0[i][ACCELEROMETER_BIAS + l];
-        }
+        let bias = p.whole_column(ACCELEROMETER_BIAS + l);
         for j in 0..3 {
             let weight = points.mid[(j, l)];
             for i in 0..LANES {
