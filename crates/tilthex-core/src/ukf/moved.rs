@@ -13,20 +13,20 @@
 
 use super::{
     matrix::{Column, LANES, Triangle},
-    sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Prediction, ROTATION, VELOCITY},
+    sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Prediction, ROTATION, Row, VELOCITY},
 };
 
 /// Three columns: the covariance of all entries of the state with a vector.
 type Columns = [Column; 3];
 
-/// Sums of the first `COUNT` columns of the factor, times three entries of the odd halves from `first`.
+/// Sums of the first `COUNT` columns of the factor, times their odd halves.
 #[inline]
-fn with_state<const COUNT: usize>(factor: &[Column; CURVED], points: &Prediction, first: usize) -> Columns {
+fn with_state<const COUNT: usize>(factor: &[Column; CURVED], odd: &[Row; 3]) -> Columns {
     let mut sums = [[0.0; LANES]; 3];
     for j in 0..3 {
         let mut sum = [0.0; LANES];
         for k in 0..COUNT {
-            let weight = points.odd[k][first + j];
+            let weight = odd[j][k];
             for i in 0..LANES {
                 sum[i] += weight * factor[k][i];
             }
@@ -95,8 +95,8 @@ fn acceleration(forced: &Columns, accelerated: &Columns, points: &Prediction) ->
 #[inline]
 pub(super) fn propagate(p: &mut Triangle, factor: &[Column; CURVED], points: &Prediction, dt: f64) {
     let half = 0.5 * dt * dt;
-    add_rotation(p, &with_state::<3>(factor, points, 0), points);
-    let forced = with_state::<CURVED>(factor, points, 3);
+    add_rotation(p, &with_state::<3>(factor, &points.odd.rotation), points);
+    let forced = with_state::<CURVED>(factor, &points.odd.force);
     let a = accelerate(p, &forced, points);
     let own = acceleration(&forced, &a, points);
     for j in 0..VELOCITY {

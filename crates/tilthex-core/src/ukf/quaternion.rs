@@ -3,7 +3,8 @@
 use crate::types::{Matrix3, Vector3};
 use libm::{atan2, cos, sin, sqrt};
 
-/// Below this square of the half angle, sine and cosine are summed as series.
+/// Below this square of the half angle, sine and cosine are summed as series. Below this square of its tangent, so is the
+/// angle.
 const SMALL: f64 = 1e-2;
 
 /// A unit quaternion: scalar and vector.
@@ -15,8 +16,8 @@ pub(super) struct Quaternion {
 
 /// `cos(h)` and `sin(h)/h` of `h^2`.
 #[inline]
-fn cosine_and_ratio(h2: f64) -> (f64, f64) {
-    if h2 < SMALL {
+fn cosine_and_ratio<const SERIES: bool>(h2: f64) -> (f64, f64) {
+    if SERIES || h2 < SMALL {
         // Exact to rounding, with products in the place of divisions.
         let c = 1.0 / 24.0 - h2 * (1.0 / 720.0 - h2 * (1.0 / 40_320.0));
         let s = 1.0 / 120.0 - h2 * (1.0 / 5040.0 - h2 * (1.0 / 362_880.0));
@@ -28,10 +29,11 @@ fn cosine_and_ratio(h2: f64) -> (f64, f64) {
 }
 
 impl Quaternion {
-    /// The rotation by a rotation vector, rad.
+    /// The rotation by a rotation vector, rad. If its angle is known to be below 0.2 rad, `SERIES` saves the branch, so that
+    /// several rotations share vector instructions.
     #[inline]
-    pub(super) fn exp(turn: &Vector3) -> Self {
-        let (w, ratio) = cosine_and_ratio(0.25 * turn.norm_squared());
+    pub(super) fn exp<const SERIES: bool>(turn: &Vector3) -> Self {
+        let (w, ratio) = cosine_and_ratio::<SERIES>(0.25 * turn.norm_squared());
         Self { w, v: 0.5 * ratio * turn }
     }
 
@@ -72,15 +74,15 @@ impl Quaternion {
         )
     }
 
-    /// Rotation vector, rad, with an angle in `[0, pi]`.
+    /// Rotation vector, rad, with an angle in `[0, pi]`. `SERIES` as for [`exp`](Self::exp).
     #[inline]
-    pub(super) fn log(&self) -> Vector3 {
-        let sign = if self.w < 0.0 { -1.0 } else { 1.0 };
+    pub(super) fn log<const SERIES: bool>(&self) -> Vector3 {
+        let sign = if self.w < 0.0 && !SERIES { -1.0 } else { 1.0 };
         let w = sign * self.w;
         let n2 = self.v.norm_squared();
         let inverse = 1.0 / w;
         let q2 = n2 * inverse * inverse;
-        if q2 < 1e-2 {
+        if SERIES || q2 < SMALL {
             // 2 atan(q)/q / w as a series, exact to rounding for q < 0.1.
             let s = 1.0 / 13.0 - q2 * (1.0 / 15.0 - q2 * (1.0 / 17.0));
             let s = 1.0 / 7.0 - q2 * (1.0 / 9.0 - q2 * (1.0 / 11.0 - q2 * s));

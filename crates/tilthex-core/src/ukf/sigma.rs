@@ -37,24 +37,49 @@ pub(super) const POSITION: usize = 12;
 /// Number of columns in which the model is not linear.
 pub(super) const CURVED: usize = 6;
 
-/// Square root of 3. The points' distance from the mean in standard deviations: the value that matches the fourth
-/// moment of a normal distribution (`alpha^2 = 3/15`, `kappa = 0`).
+/// Square of the points' distance from the mean in standard deviations: the value that matches the fourth moment of a
+/// normal distribution (`alpha^2 = 3/15`, `kappa = 0`).
+const SPREAD_SQUARED: f64 = 3.0;
+/// `sqrt(3)`.
 const SPREAD: f64 = 1.732_050_807_568_877_2;
 /// From the sum or difference of a pair to its half, in units of the columns.
 const HALF: f64 = 0.5 / SPREAD;
 /// Root of the weight of the outer product of the even halves' sum, in these units: `(2 - alpha^2) / 3` for `beta = 2`.
 const SUM_WEIGHT: f64 = 0.774_596_669_241_483_4;
 
+/// Below this square of the angles of a point, rad^2, series suffice for all of its rotations.
+const SMALL: f64 = 8e-3;
+
 /// Three lanes of a column, from `first`.
 pub(super) fn part(column: &Column, first: usize) -> Vector3 {
     Vector3::new(column[first], column[first + 1], column[first + 2])
 }
 
-/// A change of the rotation error and an acceleration, one after the other.
-pub(super) type Bend = [f64; 6];
+/// A number for each column in which the model is not linear.
+pub(super) type Row = [f64; CURVED];
 
-fn bend(rotation: &Vector3, force: &Vector3) -> Bend {
-    [rotation.x, rotation.y, rotation.z, force.x, force.y, force.z]
+/// A vector for each column.
+type Rows = [Row; 3];
+
+fn at(rows: &Rows, k: usize) -> Vector3 {
+    Vector3::new(rows[0][k], rows[1][k], rows[2][k])
+}
+
+fn put(rows: &mut Rows, k: usize, v: &Vector3) {
+    (rows[0][k], rows[1][k], rows[2][k]) = (v.x, v.y, v.z);
+}
+
+/// Halves of the pairs.
+#[derive(Clone, Copy)]
+pub(super) struct Halves {
+    /// Change of the rotation error, rad.
+    pub(super) rotation: Rows,
+    /// Acceleration, m/s^2.
+    pub(super) force: Rows,
+}
+
+impl Halves {
+    const ZERO: Self = Self { rotation: [[0.0; CURVED]; 3], force: [[0.0; CURVED]; 3] };
 }
 
 impl Navigation {
@@ -63,7 +88,7 @@ impl Navigation {
     /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, including their biases.
     #[must_use]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {
-        let step = Quaternion::exp(&((gyro_i - self.gyro_bias_i) * dt));
+        let step = Quaternion::exp::<false>(&((gyro_i - self.gyro_bias_i) * dt));
         let turned = self.rotation_wi * step.matrix();
         let mid = 0.5 * (self.rotation_wi + turned);
         self.advance_turned(turned, &(mid * (specific_force_i - self.accelerometer_bias_i)), dt)
@@ -81,6 +106,20 @@ impl Navigation {
     }
 }
 
+/// How the mean moves.
+struct Motion {
+    /// The mean rate times the length of the interval, rad, IMU.
+    turn: Vector3,
+    back: Quaternion,
+    /// The rotation before and after; their mean.
+    rotation: Matrix3,
+    turned: Matrix3,
+    mid: Matrix3,
+    /// The specific force, W: mean, and after the turn.
+    force_w: Vector3,
+    turned_force_w: Vector3,
+}
+
 /// The points of one prediction after propagation.
 pub(super) struct Prediction {
     /// The propagated mean.
@@ -89,14 +128,14 @@ pub(super) struct Prediction {
     pub(super) mid: Matrix3,
     /// Odd halves of the pairs. The rotation error is without that of the column, the acceleration without that of the
     /// column's accelerometer bias.
-    pub(super) odd: [Bend; CURVED],
-    /// Sum of the outer products of these and of the (weighted) even halves, lower triangle by columns.
-    pub(super) squares: [Bend; 6],
+    pub(super) odd: Halves,
+    /// Sum of the outer products of these and of the (weighted) even halves over (rotation error, acceleration): lower
+    /// triangle by columns.
+    pub(super) squares: [[f64; 6]; 6],
 }
 
 /// Propagates the points of the first columns of the factor (see [`Triangle::cholesky`](super::matrix::Triangle)) about
 /// `mean` through the model.
-#[inline]
 pub(super) fn propagate(
     mean: &Navigation,
     factor: &[Column; CURVED],
@@ -106,49 +145,78 @@ pub(super) fn propagate(
 ) -> Prediction {
     let turn = (gyro_i - mean.gyro_bias_i) * dt;
     let force = specific_force_i - mean.accelerometer_bias_i;
-    let step = Quaternion::exp(&turn);
-    let back = step.inverse();
+    let step = Quaternion::exp::<false>(&turn);
     let rotation = mean.rotation_wi;
     let turned = rotation * step.matrix();
     // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
     let mid = 0.5 * (rotation + turned);
-    let (mean_force_w, turned_force_w) = (mid * force, turned * force);
-
-    let (mut odd, mut even) = ([[0.0; 6]; CURVED], [[0.0; 6]; CURVED]);
-    for (k, column) in factor.iter().enumerate() {
-        let angle = Quaternion::exp(&(SPREAD * part(column, ROTATION)));
-        let bias = SPREAD * part(column, ACCELEROMETER_BIAS);
-        // Sums and differences of a pair; first the mean specific force before the rotation error turns it.
-        let (mut sum, mut difference) = (2.0 * mean_force_w, -2.0 * (mid * bias));
-        let (mut odd_force, mut even_force) = (Vector3::zeros(), Vector3::zeros());
-        let (mut odd_rotation, mut even_rotation) = (Vector3::zeros(), Vector3::zeros());
-        if k < 3 {
-            let gyro_bias = (SPREAD * dt) * part(column, GYRO_BIAS);
-            let turned_bias_w = turned * bias;
-            let point = |angle: &Quaternion, gyro_bias: &Vector3, force_w: &Vector3| {
-                // R exp(turn) exp(-rate dt) R^T: what the point turns beyond the mean.
-                let beyond = Quaternion::exp(&(turn - gyro_bias)).times(&back);
-                let beyond = Quaternion { w: beyond.w, v: rotation * beyond.v };
-                (angle.times(&beyond).log(), 0.5 * beyond.change(force_w))
-            };
-            let plus = point(&angle, &gyro_bias, &(turned_force_w - turned_bias_w));
-            let minus = point(&angle.inverse(), &-gyro_bias, &(turned_force_w + turned_bias_w));
-            odd_rotation = HALF * (plus.0 - minus.0) - part(column, ROTATION);
-            even_rotation = HALF * (plus.0 + minus.0);
-            (odd_force, even_force) = (plus.1 - minus.1, plus.1 + minus.1);
-            difference += odd_force;
-            sum += even_force;
-        }
-        // exp(+-x) u = u +- 2 w n x u + 2 n x (n x u) of the quaternion (w, n).
-        let n = 2.0 * angle.v;
-        let (of_sum, of_difference) = (n.cross(&sum), n.cross(&difference));
-        odd_force += angle.w * of_sum + angle.v.cross(&of_difference);
-        even_force += angle.w * of_difference + angle.v.cross(&of_sum);
-        odd[k] = bend(&odd_rotation, &(HALF * odd_force));
-        even[k] = bend(&even_rotation, &(HALF * even_force));
+    let (force_w, turned_force_w) = (mid * force, turned * force);
+    let motion = Motion { turn, back: step.inverse(), rotation, turned, mid, force_w, turned_force_w };
+    let mut largest = turn.norm_squared();
+    for column in factor {
+        let squares = [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
+        largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
     }
-    let mean = mean.advance_turned(turned, &mean_force_w, dt);
+    let (odd, even) =
+        if largest < SMALL { bend::<true>(factor, &motion, dt) } else { bend::<false>(factor, &motion, dt) };
+    let mean = mean.advance_turned(turned, &force_w, dt);
     Prediction { mean, mid, squares: squares(&odd, &even), odd }
+}
+
+/// The odd and the even halves. The loops are those over columns or points, so that these share vector instructions.
+#[allow(clippy::needless_range_loop)] // Several arrays have the same index.
+fn bend<const SERIES: bool>(factor: &[Column; CURVED], motion: &Motion, dt: f64) -> (Halves, Halves) {
+    let zero = [[0.0; CURVED]; 3];
+    // The columns' rotations as quaternions (w, n), and their accelerometer biases.
+    let (mut w, mut n, mut bias) = ([0.0; CURVED], zero, zero);
+    for k in 0..CURVED {
+        let angle = Quaternion::exp::<SERIES>(&(SPREAD * part(&factor[k], ROTATION)));
+        w[k] = angle.w;
+        put(&mut n, k, &angle.v);
+        put(&mut bias, k, &(SPREAD * part(&factor[k], ACCELEROMETER_BIAS)));
+    }
+    // The points of the first three columns: three plus, three minus.
+    let (mut turns, mut angles, mut forces_w, mut scalars) = (zero, zero, zero, [0.0; CURVED]);
+    for k in 0..3 {
+        let gyro_bias = (SPREAD * dt) * part(&factor[k], GYRO_BIAS);
+        let bias_w = motion.turned * at(&bias, k);
+        for (k, column, sign) in [(k, k, 1.0), (k + 3, k, -1.0)] {
+            scalars[k] = w[column];
+            put(&mut angles, k, &(sign * at(&n, column)));
+            put(&mut turns, k, &(motion.turn - sign * gyro_bias));
+            put(&mut forces_w, k, &(motion.turned_force_w - sign * bias_w));
+        }
+    }
+    let (mut errors, mut changes) = (zero, zero);
+    for k in 0..CURVED {
+        // R exp(turn) exp(-rate dt) R^T: what the point turns beyond the mean.
+        let beyond = Quaternion::exp::<SERIES>(&at(&turns, k)).times(&motion.back);
+        let beyond = Quaternion { w: beyond.w, v: motion.rotation * beyond.v };
+        let angle = Quaternion { w: scalars[k], v: at(&angles, k) };
+        put(&mut errors, k, &angle.times(&beyond).log::<SERIES>());
+        put(&mut changes, k, &(0.5 * beyond.change(&at(&forces_w, k))));
+    }
+    let (mut odd, mut even) = (Halves::ZERO, Halves::ZERO);
+    for k in 0..3 {
+        let (plus, minus) = (at(&errors, k), at(&errors, k + 3));
+        put(&mut odd.rotation, k, &(HALF * (plus - minus) - part(&factor[k], ROTATION)));
+        put(&mut even.rotation, k, &(HALF * (plus + minus)));
+        let (plus, minus) = (at(&changes, k), at(&changes, k + 3));
+        put(&mut odd.force, k, &(plus - minus));
+        put(&mut even.force, k, &(plus + minus));
+    }
+    for k in 0..CURVED {
+        // Difference and sum of a pair's mean specific forces, before the rotation error turns them by
+        // exp(+-x) u = u +- 2 w n x u + 2 n x (n x u).
+        let (odd_force, even_force) = (at(&odd.force, k), at(&even.force, k));
+        let difference = odd_force - 2.0 * (motion.mid * at(&bias, k));
+        let sum = even_force + 2.0 * motion.force_w;
+        let n = at(&n, k);
+        let (of_difference, of_sum) = (2.0 * n.cross(&difference), 2.0 * n.cross(&sum));
+        put(&mut odd.force, k, &(HALF * (odd_force + w[k] * of_sum + n.cross(&of_difference))));
+        put(&mut even.force, k, &(HALF * (even_force + w[k] * of_difference + n.cross(&of_sum))));
+    }
+    (odd, even)
 }
 
 /// The outer products of the odd halves and those of the even halves `e`, lower triangle by columns. With `c` the square
@@ -156,18 +224,25 @@ pub(super) fn propagate(
 /// mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre
 /// itself is negative.
 #[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
-fn squares(odd: &[Bend; CURVED], even: &[Bend; CURVED]) -> [Bend; 6] {
-    let mut sum = [0.0; 6];
-    for e in even {
-        for i in 0..6 {
-            sum[i] += SUM_WEIGHT * e[i];
-        }
-    }
+fn squares(odd: &Halves, even: &Halves) -> [[f64; 6]; 6] {
     let mut squares = [[0.0; 6]; 6];
-    for e in odd.iter().chain(even).chain([&sum]) {
-        for j in 0..6 {
-            for i in j..6 {
-                squares[j][i] += e[j] * e[i];
+    let sum = |row: &Row| SUM_WEIGHT * row.iter().sum::<f64>();
+    let of = |a: (&Row, &Row), b: (&Row, &Row), columns: usize| {
+        let mut square = sum(a.1) * sum(b.1);
+        for k in 0..columns {
+            square += a.0[k] * b.0[k] + a.1[k] * b.1[k];
+        }
+        square
+    };
+    for j in 0..3 {
+        let (rotation, force) = ((&odd.rotation[j], &even.rotation[j]), (&odd.force[j], &even.force[j]));
+        for i in 0..3 {
+            let other = (&odd.force[i], &even.force[i]);
+            // Only the first three columns change the rotation error.
+            squares[j][3 + i] = of(rotation, other, 3);
+            if i >= j {
+                squares[j][i] = of(rotation, (&odd.rotation[i], &even.rotation[i]), 3);
+                squares[3 + j][3 + i] = of(force, other, CURVED);
             }
         }
     }
