@@ -154,7 +154,8 @@ pub(super) fn propagate(
     let motion = Motion { turn, back: step.inverse(), rotation, turned, mid, force_w, turned_force_w };
     let mut largest = turn.norm_squared();
     for column in factor {
-        let squares = [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
+        let squares =
+            [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
         largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
     }
     let (odd, even) =
