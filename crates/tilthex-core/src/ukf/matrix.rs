@@ -1,4 +1,4 @@
-//! Triangles of 15x15 matrices, in a layout for the two products of the filter.
+//! Triangles of 15x15 matrices, in a layout for factorisation and update.
 //!
 //! A column holds 16 lanes, so that a compiler turns each loop over lanes into whole vector instructions. Columns are
 //! processed in groups of four, from the first lane of the group. Entries above the diagonal are never read.
@@ -40,8 +40,8 @@ impl Triangle {
         self.0[i][i]
     }
 
-    /// Fills the first columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the
-    /// diagonal; entries that are written are not read before. False if one of their pivots is not above `1e-15` of its
+    /// Sets the first columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the diagonal,
+    /// where `l` must be zero. False if one of their pivots is not above `1e-15` of its
     /// diagonal entry.
     pub(super) fn cholesky<const COLUMNS: usize>(&self, l: &mut [Column; COLUMNS]) -> bool {
         self.factor_panel::<0, COLUMNS>(l)

@@ -16,11 +16,12 @@
 //! unscented update equals the Kalman update exactly.
 //!
 //! # Why the covariance stays positive definite
-//! A prediction is a sum of squares with positive weights plus process noise. The process noise adds to each variance
+//! A prediction is a sum of squares with positive weights plus process noise; it is computed as a change of the covariance
+//! before, with the same rounding. The process noise adds to each variance
 //! (1e-9 and more of it in each step) far more than the rounding of the sum (1e-14). An update subtracts `W W^T` with
 //! the measurement noise inside `W`; lower limits of that noise and upper limits of the covariance keep their ratio
-//! below 1e13. If a factorisation still fails, the correlations are reduced until it succeeds, and the event is
-//! counted.
+//! below 1e13. After each update the whole covariance is factorised; if this still fails, the correlations are reduced
+//! until it succeeds, and the event is counted. A prediction factorises the columns that it needs.
 
 mod innovation;
 mod matrix;

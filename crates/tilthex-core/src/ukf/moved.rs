@@ -15,6 +15,10 @@ use super::{
     matrix::{Column, LANES, Triangle},
     sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Prediction, ROTATION, Row, VELOCITY},
 };
+use crate::types::Matrix3;
+
+/// Outer products of the halves, see [`Prediction::squares`].
+type Squares = [[f64; 6]; 6];
 
 /// Three columns: the covariance of all entries of the state with a vector.
 type Columns = [Column; 3];
@@ -38,7 +42,7 @@ fn with_state<const COUNT: usize>(factor: &[Column; CURVED], odd: &[Row; 3]) -> 
 
 /// Adds the change of the rotation error, whose covariance with the state is `bent`.
 #[inline]
-fn add_rotation(p: &mut Triangle, bent: &Columns, points: &Prediction) {
+fn add_rotation(p: &mut Triangle, bent: &Columns, squares: &Squares) {
     for j in 0..3 {
         for i in 0..3 {
             p.0[GYRO_BIAS + j][ROTATION + i] += bent[i][GYRO_BIAS + j];
@@ -48,24 +52,24 @@ fn add_rotation(p: &mut Triangle, bent: &Columns, points: &Prediction) {
             column[i] += bent[j][i];
         }
         for i in j..3 {
-            column[ROTATION + i] += bent[j][ROTATION + i] + bent[i][ROTATION + j] + points.squares[j][i];
+            column[ROTATION + i] += bent[j][ROTATION + i] + bent[i][ROTATION + j] + squares[j][i];
         }
     }
 }
 
 /// Covariance of the acceleration with the state, whose rotation error has changed. `forced` is that of `f` before.
 #[inline]
-fn accelerate(p: &Triangle, forced: &Columns, points: &Prediction) -> Columns {
+fn accelerate(p: &Triangle, forced: &Columns, squares: &Squares, mid: &Matrix3) -> Columns {
     let mut columns = *forced;
     for j in 0..3 {
         for i in 0..3 {
-            columns[j][ROTATION + i] += points.squares[i][3 + j];
+            columns[j][ROTATION + i] += squares[i][3 + j];
         }
     }
     for l in 0..3 {
         let bias = p.whole_column(ACCELEROMETER_BIAS + l);
         for j in 0..3 {
-            let weight = points.mid[(j, l)];
+            let weight = mid[(j, l)];
             for i in 0..LANES {
                 columns[j][i] -= weight * bias[i];
             }
@@ -76,14 +80,14 @@ fn accelerate(p: &Triangle, forced: &Columns, points: &Prediction) -> Columns {
 
 /// Covariance of the acceleration with itself, lower triangle by columns.
 #[inline]
-fn acceleration(forced: &Columns, accelerated: &Columns, points: &Prediction) -> [[f64; 3]; 3] {
+fn acceleration(forced: &Columns, accelerated: &Columns, squares: &Squares, mid: &Matrix3) -> [[f64; 3]; 3] {
     let mut own = [[0.0; 3]; 3];
     for j in 0..3 {
         for i in j..3 {
-            let mut sum = points.squares[3 + j][3 + i];
+            let mut sum = squares[3 + j][3 + i];
             for l in 0..3 {
                 let bias = ACCELEROMETER_BIAS + l;
-                sum -= points.mid[(j, l)] * forced[i][bias] + points.mid[(i, l)] * accelerated[j][bias];
+                sum -= mid[(j, l)] * forced[i][bias] + mid[(i, l)] * accelerated[j][bias];
             }
             own[j][i] = sum;
         }
@@ -95,10 +99,11 @@ fn acceleration(forced: &Columns, accelerated: &Columns, points: &Prediction) ->
 #[inline]
 pub(super) fn propagate(p: &mut Triangle, factor: &[Column; CURVED], points: &Prediction, dt: f64) {
     let half = 0.5 * dt * dt;
-    add_rotation(p, &with_state::<3>(factor, &points.odd.rotation), points);
+    let squares = points.squares();
+    add_rotation(p, &with_state::<3>(factor, &points.odd.rotation), &squares);
     let forced = with_state::<CURVED>(factor, &points.odd.force);
-    let a = accelerate(p, &forced, points);
-    let own = acceleration(&forced, &a, points);
+    let a = accelerate(p, &forced, &squares, &points.mid);
+    let own = acceleration(&forced, &a, &squares, &points.mid);
     for j in 0..VELOCITY {
         let column = &mut p.0[j];
         for i in 0..3 {

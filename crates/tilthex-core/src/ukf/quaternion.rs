@@ -94,3 +94,43 @@ impl Quaternion {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::so3;
+    use proptest::prelude::*;
+
+    fn turn(most: f64) -> impl Strategy<Value = Vector3> {
+        let axis = prop::array::uniform3(-1.0..1.0f64).prop_map(Vector3::from);
+        (axis.prop_filter("too short", |v| v.norm() > 0.1), 0.0..most).prop_map(|(v, t)| t * v.normalize())
+    }
+
+    /// Against rotation matrices.
+    fn agrees<const SERIES: bool>(turn: &Vector3, u: &Vector3) -> Result<(), TestCaseError> {
+        let (q, r) = (Quaternion::exp::<SERIES>(turn), so3::exp(turn));
+        prop_assert!((q.matrix() - r).amax() < 2e-15);
+        prop_assert!((q.change(u) - (r * u - u)).amax() < 1e-14);
+        prop_assert!((q.log::<SERIES>() - turn).amax() < 1e-14);
+        let both = q.times(&q.inverse());
+        prop_assert!((both.w - 1.0).abs() < 1e-15 && both.v.amax() < 1e-15);
+        Ok(())
+    }
+
+    proptest! {
+        #[test]
+        fn small_turns_are_those_of_matrices(turn in turn(0.199), u in turn(9.0)) {
+            agrees::<true>(&turn, &u)?;
+            agrees::<false>(&turn, &u)?;
+        }
+
+        #[test]
+        fn all_turns_are_those_of_matrices(turn in turn(3.14), u in turn(9.0)) {
+            agrees::<false>(&turn, &u)?;
+            // The same rotation by the other quaternion.
+            let q = Quaternion::exp::<false>(&turn);
+            let other = Quaternion { w: -q.w, v: -q.v };
+            prop_assert!((other.log::<false>() - turn).amax() < 1e-13);
+        }
+    }
+}

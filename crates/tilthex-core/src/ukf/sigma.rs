@@ -129,9 +129,8 @@ pub(super) struct Prediction {
     /// Odd halves of the pairs. The rotation error is without that of the column, the acceleration without that of the
     /// column's accelerometer bias.
     pub(super) odd: Halves,
-    /// Sum of the outer products of these and of the (weighted) even halves over (rotation error, acceleration): lower
-    /// triangle by columns.
-    pub(super) squares: [[f64; 6]; 6],
+    /// Even halves.
+    even: Halves,
 }
 
 /// Propagates the points of the first columns of the factor (see [`Triangle::cholesky`](super::matrix::Triangle)) about
@@ -158,94 +157,101 @@ pub(super) fn propagate(
             [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
         largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
     }
-    let (odd, even) =
-        if largest < SMALL { bend::<true>(factor, &motion, dt) } else { bend::<false>(factor, &motion, dt) };
     let mean = mean.advance_turned(turned, &force_w, dt);
-    Prediction { mean, mid, squares: squares(&odd, &even), odd }
+    let mut points = Prediction { mean, mid, odd: Halves::ZERO, even: Halves::ZERO };
+    if largest < SMALL {
+        points.bend::<true>(factor, &motion, dt);
+    } else {
+        points.bend::<false>(factor, &motion, dt);
+    }
+    points
 }
 
-/// The odd and the even halves. The loops are those over columns or points, so that these share vector instructions.
-#[allow(clippy::needless_range_loop)] // Several arrays have the same index.
-fn bend<const SERIES: bool>(factor: &[Column; CURVED], motion: &Motion, dt: f64) -> (Halves, Halves) {
-    let zero = [[0.0; CURVED]; 3];
-    // The columns' rotations as quaternions (w, n), and their accelerometer biases.
-    let (mut w, mut n, mut bias) = ([0.0; CURVED], zero, zero);
-    for k in 0..CURVED {
-        let angle = Quaternion::exp::<SERIES>(&(SPREAD * part(&factor[k], ROTATION)));
-        w[k] = angle.w;
-        put(&mut n, k, &angle.v);
-        put(&mut bias, k, &(SPREAD * part(&factor[k], ACCELEROMETER_BIAS)));
-    }
-    // The points of the first three columns: three plus, three minus.
-    let (mut turns, mut angles, mut forces_w, mut scalars) = (zero, zero, zero, [0.0; CURVED]);
-    for k in 0..3 {
-        let gyro_bias = (SPREAD * dt) * part(&factor[k], GYRO_BIAS);
-        let bias_w = motion.turned * at(&bias, k);
-        for (k, column, sign) in [(k, k, 1.0), (k + 3, k, -1.0)] {
-            scalars[k] = w[column];
-            put(&mut angles, k, &(sign * at(&n, column)));
-            put(&mut turns, k, &(motion.turn - sign * gyro_bias));
-            put(&mut forces_w, k, &(motion.turned_force_w - sign * bias_w));
+impl Prediction {
+    /// Sets the odd and the even halves. The loops are those over columns or points, so that these share vector instructions.
+    #[allow(clippy::needless_range_loop)] // Several arrays have the same index.
+    fn bend<const SERIES: bool>(&mut self, factor: &[Column; CURVED], motion: &Motion, dt: f64) {
+        let zero = [[0.0; CURVED]; 3];
+        // The columns' rotations as quaternions (w, n), and their accelerometer biases.
+        let (mut w, mut n, mut bias) = ([0.0; CURVED], zero, zero);
+        for k in 0..CURVED {
+            let angle = Quaternion::exp::<SERIES>(&(SPREAD * part(&factor[k], ROTATION)));
+            w[k] = angle.w;
+            put(&mut n, k, &angle.v);
+            put(&mut bias, k, &(SPREAD * part(&factor[k], ACCELEROMETER_BIAS)));
         }
-    }
-    let (mut errors, mut changes) = (zero, zero);
-    for k in 0..CURVED {
-        // R exp(turn) exp(-rate dt) R^T: what the point turns beyond the mean.
-        let beyond = Quaternion::exp::<SERIES>(&at(&turns, k)).times(&motion.back);
-        let beyond = Quaternion { w: beyond.w, v: motion.rotation * beyond.v };
-        let angle = Quaternion { w: scalars[k], v: at(&angles, k) };
-        put(&mut errors, k, &angle.times(&beyond).log::<SERIES>());
-        put(&mut changes, k, &(0.5 * beyond.change(&at(&forces_w, k))));
-    }
-    let (mut odd, mut even) = (Halves::ZERO, Halves::ZERO);
-    for k in 0..3 {
-        let (plus, minus) = (at(&errors, k), at(&errors, k + 3));
-        put(&mut odd.rotation, k, &(HALF * (plus - minus) - part(&factor[k], ROTATION)));
-        put(&mut even.rotation, k, &(HALF * (plus + minus)));
-        let (plus, minus) = (at(&changes, k), at(&changes, k + 3));
-        put(&mut odd.force, k, &(plus - minus));
-        put(&mut even.force, k, &(plus + minus));
-    }
-    for k in 0..CURVED {
-        // Difference and sum of a pair's mean specific forces, before the rotation error turns them by
-        // exp(+-x) u = u +- 2 w n x u + 2 n x (n x u).
-        let (odd_force, even_force) = (at(&odd.force, k), at(&even.force, k));
-        let difference = odd_force - 2.0 * (motion.mid * at(&bias, k));
-        let sum = even_force + 2.0 * motion.force_w;
-        let n = at(&n, k);
-        let (of_difference, of_sum) = (2.0 * n.cross(&difference), 2.0 * n.cross(&sum));
-        put(&mut odd.force, k, &(HALF * (odd_force + w[k] * of_sum + n.cross(&of_difference))));
-        put(&mut even.force, k, &(HALF * (even_force + w[k] * of_difference + n.cross(&of_sum))));
-    }
-    (odd, even)
-}
-
-/// The outer products of the odd halves and those of the even halves `e`, lower triangle by columns. With `c` the square
-/// of the spread, weights `1/(2c)` and `beta = 2`, the sum over the deviations of the points and of the centre from their
-/// mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre
-/// itself is negative.
-#[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
-fn squares(odd: &Halves, even: &Halves) -> [[f64; 6]; 6] {
-    let mut squares = [[0.0; 6]; 6];
-    let sum = |row: &Row| SUM_WEIGHT * row.iter().sum::<f64>();
-    let of = |a: (&Row, &Row), b: (&Row, &Row), columns: usize| {
-        let mut square = sum(a.1) * sum(b.1);
-        for k in 0..columns {
-            square += a.0[k] * b.0[k] + a.1[k] * b.1[k];
-        }
-        square
-    };
-    for j in 0..3 {
-        let (rotation, force) = ((&odd.rotation[j], &even.rotation[j]), (&odd.force[j], &even.force[j]));
-        for i in 0..3 {
-            let other = (&odd.force[i], &even.force[i]);
-            // Only the first three columns change the rotation error.
-            squares[j][3 + i] = of(rotation, other, 3);
-            if i >= j {
-                squares[j][i] = of(rotation, (&odd.rotation[i], &even.rotation[i]), 3);
-                squares[3 + j][3 + i] = of(force, other, CURVED);
+        // The points of the first three columns: three plus, three minus.
+        let (mut turns, mut angles, mut forces_w, mut scalars) = (zero, zero, zero, [0.0; CURVED]);
+        for k in 0..3 {
+            let gyro_bias = (SPREAD * dt) * part(&factor[k], GYRO_BIAS);
+            let bias_w = motion.turned * at(&bias, k);
+            for (k, column, sign) in [(k, k, 1.0), (k + 3, k, -1.0)] {
+                scalars[k] = w[column];
+                put(&mut angles, k, &(sign * at(&n, column)));
+                put(&mut turns, k, &(motion.turn - sign * gyro_bias));
+                put(&mut forces_w, k, &(motion.turned_force_w - sign * bias_w));
             }
         }
+        let (mut errors, mut changes) = (zero, zero);
+        for k in 0..CURVED {
+            // R exp(turn) exp(-rate dt) R^T: what the point turns beyond the mean.
+            let beyond = Quaternion::exp::<SERIES>(&at(&turns, k)).times(&motion.back);
+            let beyond = Quaternion { w: beyond.w, v: motion.rotation * beyond.v };
+            let angle = Quaternion { w: scalars[k], v: at(&angles, k) };
+            put(&mut errors, k, &angle.times(&beyond).log::<SERIES>());
+            put(&mut changes, k, &(0.5 * beyond.change(&at(&forces_w, k))));
+        }
+        let (odd, even) = (&mut self.odd, &mut self.even);
+        for k in 0..3 {
+            let (plus, minus) = (at(&errors, k), at(&errors, k + 3));
+            put(&mut odd.rotation, k, &(HALF * (plus - minus) - part(&factor[k], ROTATION)));
+            put(&mut even.rotation, k, &(HALF * (plus + minus)));
+            let (plus, minus) = (at(&changes, k), at(&changes, k + 3));
+            put(&mut odd.force, k, &(plus - minus));
+            put(&mut even.force, k, &(plus + minus));
+        }
+        for k in 0..CURVED {
+            // Difference and sum of a pair's mean specific forces, before the rotation error turns them by
+            // exp(+-x) u = u +- 2 w n x u + 2 n x (n x u).
+            let (odd_force, even_force) = (at(&odd.force, k), at(&even.force, k));
+            let difference = odd_force - 2.0 * (motion.mid * at(&bias, k));
+            let sum = even_force + 2.0 * motion.force_w;
+            let n = at(&n, k);
+            let (of_difference, of_sum) = (2.0 * n.cross(&difference), 2.0 * n.cross(&sum));
+            put(&mut odd.force, k, &(HALF * (odd_force + w[k] * of_sum + n.cross(&of_difference))));
+            put(&mut even.force, k, &(HALF * (even_force + w[k] * of_difference + n.cross(&of_sum))));
+        }
     }
-    squares
+
+    /// The outer products of the odd halves and those of the even halves `e` over (rotation error, acceleration), lower triangle
+    /// by columns. With `c` the square
+    /// of the spread, weights `1/(2c)` and `beta = 2`, the sum over the deviations of the points and of the centre from their
+    /// mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre
+    /// itself is negative.
+    #[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
+    pub(super) fn squares(&self) -> [[f64; 6]; 6] {
+        let (odd, even) = (&self.odd, &self.even);
+        let mut squares = [[0.0; 6]; 6];
+        let sum = |row: &Row| SUM_WEIGHT * row.iter().sum::<f64>();
+        let of = |a: (&Row, &Row), b: (&Row, &Row), columns: usize| {
+            let mut square = sum(a.1) * sum(b.1);
+            for k in 0..columns {
+                square += a.0[k] * b.0[k] + a.1[k] * b.1[k];
+            }
+            square
+        };
+        for j in 0..3 {
+            let (rotation, force) = ((&odd.rotation[j], &even.rotation[j]), (&odd.force[j], &even.force[j]));
+            for i in 0..3 {
+                let other = (&odd.force[i], &even.force[i]);
+                // Only the first three columns change the rotation error.
+                squares[j][3 + i] = of(rotation, other, 3);
+                if i >= j {
+                    squares[j][i] = of(rotation, (&odd.rotation[i], &even.rotation[i]), 3);
+                    squares[3 + j][3 + i] = of(force, other, CURVED);
+                }
+            }
+        }
+        squares
+    }
 }
