@@ -38,7 +38,7 @@ use crate::{
     types::{Matrix3, Vector3},
 };
 use matrix::{Column, LANES, N, Triangle};
-use sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, ROTATION, VELOCITY};
+use sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Pairs, ROTATION, VELOCITY};
 
 /// Covariance of the error state `(position, velocity, rotation, gyro bias,
 /// accelerometer bias)`: SI units, world coordinates for the first three, IMU coordinates for the biases.
@@ -306,12 +306,13 @@ impl Ukf {
     pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
         let mut factor = [[0.0; LANES]; CURVED];
         state.factor(&mut factor);
-        let points = sigma::propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
-        state.mean = points.mean;
+        let mut pairs = Pairs::ZERO;
+        let (mean, mid) = pairs.propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
+        state.mean = mean;
         // One Newton step to the nearest rotation, so that rounding errors do not accumulate.
         let r = &state.mean.rotation_wi;
         state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
-        moved::propagate(&mut state.covariance, &factor, &points, dt);
+        moved::propagate(&mut state.covariance, &factor, &pairs, &mid, dt);
         self.add_noise(&mut state.covariance, dt);
         state.limit();
     }

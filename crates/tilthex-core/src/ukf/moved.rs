@@ -13,12 +13,9 @@
 
 use super::{
     matrix::{Column, LANES, Triangle},
-    sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Prediction, ROTATION, Row, VELOCITY},
+    sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Pairs, ROTATION, Row, Squares, VELOCITY},
 };
 use crate::types::Matrix3;
-
-/// Outer products of the halves, see [`Prediction::squares`].
-type Squares = [[f64; 6]; 6];
 
 /// Three columns: the covariance of all entries of the state with a vector.
 type Columns = [Column; 3];
@@ -28,8 +25,8 @@ type Columns = [Column; 3];
 fn with_state<const COUNT: usize>(factor: &[Column; CURVED], odd: &[Row; 3]) -> Columns {
     let mut sums = [[0.0; LANES]; 3];
     for j in 0..3 {
-        let mut sum = [0.0; LANES];
-        for k in 0..COUNT {
+        let mut sum = factor[0].map(|x| odd[j][0] * x);
+        for k in 1..COUNT {
             let weight = odd[j][k];
             for i in 0..LANES {
                 sum[i] += weight * factor[k][i];
@@ -57,10 +54,10 @@ fn add_rotation(p: &mut Triangle, bent: &Columns, squares: &Squares) {
     }
 }
 
-/// Covariance of the acceleration with the state, whose rotation error has changed. `forced` is that of `f` before.
+/// Turns the covariance of `f` with the state into that of the acceleration with the state after the rotation error has
+/// changed.
 #[inline]
-fn accelerate(p: &Triangle, forced: &Columns, squares: &Squares, mid: &Matrix3) -> Columns {
-    let mut columns = *forced;
+fn accelerate(p: &Triangle, columns: &mut Columns, squares: &Squares, mid: &Matrix3) {
     for j in 0..3 {
         for i in 0..3 {
             columns[j][ROTATION + i] += squares[i][3 + j];
@@ -75,35 +72,33 @@ fn accelerate(p: &Triangle, forced: &Columns, squares: &Squares, mid: &Matrix3) 
             }
         }
     }
-    columns
 }
 
-/// Covariance of the acceleration with itself, lower triangle by columns.
+/// Covariance of row `i` of `M b` with column `j`.
 #[inline]
-fn acceleration(forced: &Columns, accelerated: &Columns, squares: &Squares, mid: &Matrix3) -> [[f64; 3]; 3] {
-    let mut own = [[0.0; 3]; 3];
+fn of_bias(mid: &Matrix3, columns: &Columns, i: usize, j: usize) -> f64 {
+    (0..3).map(|l| mid[(i, l)] * columns[j][ACCELEROMETER_BIAS + l]).sum()
+}
+
+/// Moves a covariance by `dt`; `factor` has the first columns of its factor, and `mid` is `M`.
+#[inline]
+pub(super) fn propagate(p: &mut Triangle, factor: &[Column; CURVED], pairs: &Pairs, mid: &Matrix3, dt: f64) {
+    let half = 0.5 * dt * dt;
+    let squares = pairs.squares();
+    add_rotation(p, &with_state::<3>(factor, &pairs.odd.rotation), &squares);
+    // Covariance of the acceleration with the state, and with itself (lower triangle by columns).
+    let (mut a, mut own) = (with_state::<CURVED>(factor, &pairs.odd.force), [[0.0; 3]; 3]);
     for j in 0..3 {
         for i in j..3 {
-            let mut sum = squares[3 + j][3 + i];
-            for l in 0..3 {
-                let bias = ACCELEROMETER_BIAS + l;
-                sum -= mid[(j, l)] * forced[i][bias] + mid[(i, l)] * accelerated[j][bias];
-            }
-            own[j][i] = sum;
+            own[j][i] = squares[3 + j][3 + i] - of_bias(mid, &a, j, i);
         }
     }
-    own
-}
-
-/// Moves a covariance by `dt`; `factor` has the first columns of its factor.
-#[inline]
-pub(super) fn propagate(p: &mut Triangle, factor: &[Column; CURVED], points: &Prediction, dt: f64) {
-    let half = 0.5 * dt * dt;
-    let squares = points.squares();
-    add_rotation(p, &with_state::<3>(factor, &points.odd.rotation), &squares);
-    let forced = with_state::<CURVED>(factor, &points.odd.force);
-    let a = accelerate(p, &forced, &squares, &points.mid);
-    let own = acceleration(&forced, &a, &squares, &points.mid);
+    accelerate(p, &mut a, &squares, mid);
+    for j in 0..3 {
+        for i in j..3 {
+            own[j][i] -= of_bias(mid, &a, i, j);
+        }
+    }
     for j in 0..VELOCITY {
         let column = &mut p.0[j];
         for i in 0..3 {

@@ -80,7 +80,16 @@ pub(super) struct Halves {
 
 impl Halves {
     const ZERO: Self = Self { rotation: [[0.0; CURVED]; 3], force: [[0.0; CURVED]; 3] };
+
+    fn rows(&self) -> [&Row; 6] {
+        let [a, b, c] = &self.rotation;
+        let [x, y, z] = &self.force;
+        [a, b, c, x, y, z]
+    }
 }
+
+/// Outer products over (rotation error, acceleration).
+pub(super) type Squares = [[f64; 6]; 6];
 
 impl Navigation {
     /// The state after `dt` seconds of constant readings.
@@ -120,54 +129,52 @@ struct Motion {
     turned_force_w: Vector3,
 }
 
-/// The points of one prediction after propagation.
-pub(super) struct Prediction {
-    /// The propagated mean.
-    pub(super) mean: Navigation,
-    /// Maps a specific force, IMU, to its mean over the interval, W.
-    pub(super) mid: Matrix3,
-    /// Odd halves of the pairs. The rotation error is without that of the column, the acceleration without that of the
-    /// column's accelerometer bias.
+/// The pairs of points of one prediction after propagation.
+pub(super) struct Pairs {
+    /// Odd halves. The rotation error is without that of the column, the acceleration without that of the column's
+    /// accelerometer bias.
     pub(super) odd: Halves,
     /// Even halves.
     even: Halves,
 }
 
-/// Propagates the points of the first columns of the factor (see [`Triangle::cholesky`](super::matrix::Triangle)) about
-/// `mean` through the model.
-pub(super) fn propagate(
-    mean: &Navigation,
-    factor: &[Column; CURVED],
-    gyro_i: &Vector3,
-    specific_force_i: &Vector3,
-    dt: f64,
-) -> Prediction {
-    let turn = (gyro_i - mean.gyro_bias_i) * dt;
-    let force = specific_force_i - mean.accelerometer_bias_i;
-    let step = Quaternion::exp::<false>(&turn);
-    let rotation = mean.rotation_wi;
-    let turned = rotation * step.matrix();
-    // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
-    let mid = 0.5 * (rotation + turned);
-    let (force_w, turned_force_w) = (mid * force, turned * force);
-    let motion = Motion { turn, back: step.inverse(), rotation, turned, mid, force_w, turned_force_w };
-    let mut largest = turn.norm_squared();
-    for column in factor {
-        let squares =
-            [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
-        largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
-    }
-    let mean = mean.advance_turned(turned, &force_w, dt);
-    let mut points = Prediction { mean, mid, odd: Halves::ZERO, even: Halves::ZERO };
-    if largest < SMALL {
-        points.bend::<true>(factor, &motion, dt);
-    } else {
-        points.bend::<false>(factor, &motion, dt);
-    }
-    points
-}
+impl Pairs {
+    pub(super) const ZERO: Self = Self { odd: Halves::ZERO, even: Halves::ZERO };
 
-impl Prediction {
+    /// Propagates the points of the first columns of the factor (see [`Triangle::cholesky`](super::matrix::Triangle)) about
+    /// `mean` through the model. Returns the propagated mean, and the map of a specific force, IMU, to its mean over the
+    /// interval, W.
+    pub(super) fn propagate(
+        &mut self,
+        mean: &Navigation,
+        factor: &[Column; CURVED],
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        dt: f64,
+    ) -> (Navigation, Matrix3) {
+        let turn = (gyro_i - mean.gyro_bias_i) * dt;
+        let force = specific_force_i - mean.accelerometer_bias_i;
+        let step = Quaternion::exp::<false>(&turn);
+        let rotation = mean.rotation_wi;
+        let turned = rotation * step.matrix();
+        // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
+        let mid = 0.5 * (rotation + turned);
+        let (force_w, turned_force_w) = (mid * force, turned * force);
+        let motion = Motion { turn, back: step.inverse(), rotation, turned, mid, force_w, turned_force_w };
+        let mut largest = turn.norm_squared();
+        for column in factor {
+            let squares =
+                [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
+            largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
+        }
+        if largest < SMALL {
+            self.bend::<true>(factor, &motion, dt);
+        } else {
+            self.bend::<false>(factor, &motion, dt);
+        }
+        (mean.advance_turned(turned, &force_w, dt), mid)
+    }
+
     /// Sets the odd and the even halves. The loops are those over columns or points, so that these share vector instructions.
     #[allow(clippy::needless_range_loop)] // Several arrays have the same index.
     fn bend<const SERIES: bool>(&mut self, factor: &[Column; CURVED], motion: &Motion, dt: f64) {
@@ -224,32 +231,23 @@ impl Prediction {
     }
 
     /// The outer products of the odd halves and those of the even halves `e` over (rotation error, acceleration), lower triangle
-    /// by columns. With `c` the square
-    /// of the spread, weights `1/(2c)` and `beta = 2`, the sum over the deviations of the points and of the centre from their
-    /// mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre
-    /// itself is negative.
+    /// by columns. With `c` the square of the spread, weights `1/(2c)` and `beta = 2`, the sum over the deviations of the
+    /// points and of the centre from their mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares,
+    /// although the weight of the centre itself is negative.
     #[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
-    pub(super) fn squares(&self) -> [[f64; 6]; 6] {
-        let (odd, even) = (&self.odd, &self.even);
+    pub(super) fn squares(&self) -> Squares {
+        let [odd, even] = [&self.odd, &self.even].map(Halves::rows);
+        let sums = even.map(|row| SUM_WEIGHT * row.iter().sum::<f64>());
         let mut squares = [[0.0; 6]; 6];
-        let sum = |row: &Row| SUM_WEIGHT * row.iter().sum::<f64>();
-        let of = |a: (&Row, &Row), b: (&Row, &Row), columns: usize| {
-            let mut square = sum(a.1) * sum(b.1);
-            for k in 0..columns {
-                square += a.0[k] * b.0[k] + a.1[k] * b.1[k];
-            }
-            square
-        };
-        for j in 0..3 {
-            let (rotation, force) = ((&odd.rotation[j], &even.rotation[j]), (&odd.force[j], &even.force[j]));
-            for i in 0..3 {
-                let other = (&odd.force[i], &even.force[i]);
-                // Only the first three columns change the rotation error.
-                squares[j][3 + i] = of(rotation, other, 3);
-                if i >= j {
-                    squares[j][i] = of(rotation, (&odd.rotation[i], &even.rotation[i]), 3);
-                    squares[3 + j][3 + i] = of(force, other, CURVED);
+        for j in 0..6 {
+            // Only the first three columns change the rotation error.
+            let columns = if j < 3 { 3 } else { CURVED };
+            for i in j..6 {
+                let mut square = sums[j] * sums[i];
+                for k in 0..columns {
+                    square += odd[j][k] * odd[i][k] + even[j][k] * even[i][k];
                 }
+                squares[j][i] = square;
             }
         }
         squares
