@@ -1,10 +1,12 @@
 //! Unit quaternions: the rotations of the sigma points, without a division or a matrix for each point.
 
-use crate::types::{Matrix3, Vector3};
-use libm::{atan2, cos, sin, sqrt};
+use crate::{
+    so3,
+    types::{Matrix3, Vector3},
+};
+use libm::{atan2, sqrt};
 
-/// Below this square of the half angle, sine and cosine are summed as series. Below this square of its tangent, so is the
-/// angle.
+/// Below this square of the tangent of the half angle, the angle is summed as a series.
 const SMALL: f64 = 1e-2;
 
 /// A unit quaternion: scalar and vector.
@@ -17,19 +19,18 @@ pub(super) struct Quaternion {
 /// `cos(h)` and `sin(h)/h` of `h^2`.
 #[inline]
 fn cosine_and_ratio<const SERIES: bool>(h2: f64) -> (f64, f64) {
-    if SERIES || h2 < SMALL {
-        // Exact to rounding, with products in the place of divisions.
+    if SERIES {
         let c = 1.0 / 24.0 - h2 * (1.0 / 720.0 - h2 * (1.0 / 40_320.0));
         let s = 1.0 / 120.0 - h2 * (1.0 / 5040.0 - h2 * (1.0 / 362_880.0));
         (1.0 - h2 * (0.5 - h2 * c), 1.0 - h2 * (1.0 / 6.0 - h2 * s))
     } else {
-        let h = sqrt(h2);
-        (cos(h), sin(h) / h)
+        let (ratio, b, _) = so3::ratios(h2);
+        (1.0 - b * h2, ratio)
     }
 }
 
 impl Quaternion {
-    /// The rotation by a rotation vector, rad. If its angle is known to be below 0.2 rad, `SERIES` saves the branch, so that
+    /// The rotation by a rotation vector, rad. If its angle is known to be below 0.2 rad, series suffice: without a branch,
     /// several rotations share vector instructions.
     #[inline]
     pub(super) fn exp<const SERIES: bool>(turn: &Vector3) -> Self {
@@ -98,7 +99,6 @@ impl Quaternion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::so3;
     use proptest::prelude::*;
 
     fn turn(most: f64) -> impl Strategy<Value = Vector3> {

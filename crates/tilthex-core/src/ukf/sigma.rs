@@ -23,7 +23,7 @@
 
 use super::{Navigation, matrix::Column, quaternion::Quaternion};
 use crate::{
-    GRAVITY,
+    GRAVITY, so3,
     types::{Matrix3, Vector3},
 };
 
@@ -97,8 +97,7 @@ impl Navigation {
     /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, including their biases.
     #[must_use]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {
-        let step = Quaternion::exp::<false>(&((gyro_i - self.gyro_bias_i) * dt));
-        let turned = self.rotation_wi * step.matrix();
+        let turned = self.rotation_wi * so3::exp(&((gyro_i - self.gyro_bias_i) * dt));
         let mid = 0.5 * (self.rotation_wi + turned);
         self.advance_turned(turned, &(mid * (specific_force_i - self.accelerometer_bias_i)), dt)
     }
