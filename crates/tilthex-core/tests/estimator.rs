@@ -11,7 +11,7 @@ mod without_imu;
 use flight::{Motion, Recording, flipped};
 use proptest::prelude::*;
 use tilthex_core::{
-    Matrix3, PoseSample, RobotState, Vector3,
+    GRAVITY, Matrix3, PoseSample, RobotState, Vector3,
     estimator::{Estimator, EstimatorParams, Outcome, StartError, Status},
     plant::SensorParams,
     random::Random,
@@ -204,6 +204,32 @@ proptest! {
             prop_assert!(estimator.robot_state().is_finite());
             prop_assert!(estimator.covariance().iter().all(|x| x.is_finite()));
             prop_assert!(estimator.covariance().cholesky().is_some());
+        }
+    }
+}
+
+/// Poses of a constant latency are expected when they come, although their times are rounded: after the first one the
+/// filter never goes back.
+#[test]
+fn regular_poses_are_expected() {
+    let (place_w, level) = (Vector3::new(0.0, 0.0, 1.0), Matrix3::identity());
+    let mut estimator = Estimator::new(EstimatorParams::default()).unwrap();
+    estimator.initialize(0.0, &place_w, &level).unwrap();
+    let mut time = 0.0;
+    for k in 1..500u32 {
+        time += 0.002;
+        estimator.predict(time, &Vector3::zeros(), &Vector3::new(0.0, 0.0, GRAVITY));
+        if k > 8 && k % 5 == 3 {
+            let taken = 0.002 * f64::from(k - 8);
+            let pose = PoseSample {
+                time: taken,
+                arrival: time,
+                position_w: place_w,
+                rotation_wr: level,
+                tracking_valid: true,
+            };
+            assert_eq!(estimator.update_pose(&pose), Outcome::Accepted, "pose of {taken} s");
+            assert!(estimator.health().lag < 0.0161, "{:?}", estimator.health());
         }
     }
 }

@@ -21,6 +21,8 @@ const FORCE_LIMIT: f64 = 1e3;
 /// Weight of a new pose in the running means.
 const LATENCY_SHARE: f64 = 0.05;
 const NIS_SHARE: f64 = 0.02;
+/// A pose may come later than expected by this, s: the filter does not go back because of a rounding error, or a little jitter.
+const MARGIN: f64 = 1e-4;
 /// Largest normalised innovation squared that counts in the mean, if there is no gate.
 const MOST_NIS: f64 = 1e6;
 
@@ -197,7 +199,8 @@ impl Estimator {
     /// Makes the steps that are due and allowed. When no step is left, updates the output.
     fn work(&mut self, now: f64, observe: &mut impl FnMut(&PoseReport)) {
         // Without poses the head stays behind the newest sample by the time after which the next pose is expected.
-        let horizon = now - (self.latency + 4.0 * self.latency_deviation).min(0.5 * self.params.history);
+        let expected = self.latency + 4.0 * self.latency_deviation + MARGIN;
+        let horizon = now - expected.min(0.5 * self.params.history);
         let mut due = true;
         while due && self.steps > 0 {
             due = self.step(now, horizon, observe);

@@ -12,9 +12,9 @@ pub(super) const GAP: f64 = 0.02;
 /// Number of inertial samples: 0.3 s at 640 Hz.
 const SAMPLES: u64 = 192;
 /// Number of poses: 0.3 s at 130 Hz.
-const POSES: usize = 40;
+const POSES: u32 = 40;
 /// Number of checkpoints.
-const CHECKPOINTS: usize = 9;
+const CHECKPOINTS: u32 = 9;
 
 /// One inertial sample, IMU coordinates.
 #[derive(Clone, Copy, Debug)]
@@ -160,11 +160,50 @@ pub(super) struct PoseEntry {
     pub(super) reported: bool,
 }
 
+/// Places in a ring of `SIZE` entries, oldest first. Entries stay where they are when older ones are removed.
+#[derive(Clone, Copy, Debug)]
+struct Places<const SIZE: u32> {
+    start: u32,
+    len: u32,
+}
+
+impl<const SIZE: u32> Places<SIZE> {
+    const NONE: Self = Self { start: 0, len: 0 };
+
+    /// The place of entry `i`, which is below `SIZE`.
+    fn of(self, i: u32) -> usize {
+        ((self.start + i) % SIZE) as usize
+    }
+
+    /// The places in use, oldest first.
+    fn used(self) -> impl DoubleEndedIterator<Item = usize> {
+        (0..self.len.min(SIZE)).map(move |i| self.of(i))
+    }
+
+    fn is_full(self) -> bool {
+        self.len >= SIZE
+    }
+
+    /// Removes the oldest entries.
+    fn remove_oldest(&mut self, count: u32) {
+        let count = count.min(self.len);
+        self.start = (self.start + count) % SIZE;
+        self.len -= count;
+    }
+
+    /// The place of a new newest entry; removes the oldest one if there is no other place.
+    fn push(&mut self) -> usize {
+        self.remove_oldest(u32::from(self.is_full()));
+        self.len += 1;
+        self.of(self.len - 1)
+    }
+}
+
 /// Poses in the order in which they were taken.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct PoseQueue {
-    entries: [PoseEntry; POSES],
-    len: usize,
+    entries: [PoseEntry; POSES as usize],
+    places: Places<POSES>,
 }
 
 impl PoseQueue {
@@ -175,40 +214,36 @@ impl PoseQueue {
             rotation: Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
             reported: false,
         };
-        Self { entries: [entry; POSES], len: 0 }
+        Self { entries: [entry; POSES as usize], places: Places::NONE }
     };
 
-    fn kept(&self) -> &[PoseEntry] {
-        self.entries.get(..self.len).unwrap_or(&[])
-    }
-
     pub(super) fn contains(&self, time: f64) -> bool {
-        self.kept().iter().any(|p| p.time == time)
+        self.places.used().any(|place| self.entries[place].time == time)
     }
 
     /// Inserts a pose in its order. If this removes the oldest pose, returns the time of that pose.
     pub(super) fn insert(&mut self, entry: PoseEntry) -> Option<f64> {
-        let pushed_out = (self.len >= POSES).then(|| self.entries[0].time);
-        if pushed_out.is_some() {
-            for i in 1..POSES {
-                self.entries[i - 1] = self.entries[i];
+        let pushed_out = self.places.is_full().then(|| self.entries[self.places.of(0)].time);
+        let mut place = self.places.push();
+        // Each later pose moves by one place.
+        for before in self.places.used().rev().skip(1) {
+            if self.entries[before].time < entry.time {
+                break;
             }
-            self.len = POSES - 1;
+            self.entries[place] = self.entries[before];
+            place = before;
         }
-        let place = self.kept().iter().filter(|p| p.time < entry.time).count();
-        // `place <= len < POSES`: exchange the new pose with each later one in turn.
-        let mut moving = entry;
-        for slot in self.entries.iter_mut().take(self.len + 1).skip(place) {
-            core::mem::swap(slot, &mut moving);
-        }
-        self.len += 1;
+        self.entries[place] = entry;
         pushed_out
     }
 
-    /// The first pose that was taken after `time` and not after `until`.
+    /// The first pose that was taken after `time` and not after `until`, and its place.
     pub(super) fn next(&self, time: f64, until: f64) -> Option<(usize, PoseEntry)> {
-        let (place, pose) = self.kept().iter().enumerate().find(|(_, p)| p.time > time)?;
-        (pose.time <= until).then_some((place, *pose))
+        // From the newest on: few or none are later.
+        let later = self.places.used().rev().take_while(|place| self.entries[*place].time > time);
+        let place = later.last()?;
+        let pose = self.entries[place];
+        (pose.time <= until).then_some((place, pose))
     }
 
     pub(super) fn mark_reported(&mut self, place: usize) {
@@ -218,7 +253,7 @@ impl PoseQueue {
     }
 
     pub(super) fn clear(&mut self) {
-        self.len = 0;
+        self.places = Places::NONE;
     }
 }
 
@@ -236,8 +271,8 @@ struct Checkpoint {
 /// Past states of the filter, oldest first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Checkpoints {
-    entries: [Checkpoint; CHECKPOINTS],
-    len: usize,
+    entries: [Checkpoint; CHECKPOINTS as usize],
+    places: Places<CHECKPOINTS>,
     spacing: f64,
 }
 
@@ -252,46 +287,34 @@ impl Checkpoints {
             trust: Trust::since(0.0),
             kept_bias: KeptBias::NONE,
         };
-        Self { entries: [none; CHECKPOINTS], len: 0, spacing: history / (CHECKPOINTS - 1) as f64 }
+        let spacing = history / f64::from(CHECKPOINTS - 1);
+        Self { entries: [none; CHECKPOINTS as usize], places: Places::NONE, spacing }
     }
 
-    fn kept(&self) -> &[Checkpoint] {
-        self.entries.get(..self.len).unwrap_or(&[])
-    }
-
-    fn keep_from(&mut self, first: usize) {
-        for i in 0..CHECKPOINTS.saturating_sub(first) {
-            self.entries[i] = self.entries[(i + first).min(CHECKPOINTS - 1)];
-        }
-        self.len = self.len.saturating_sub(first);
+    fn kept(&self) -> impl DoubleEndedIterator<Item = &Checkpoint> {
+        self.places.used().map(|place| &self.entries[place])
     }
 
     /// Saves the filter if the last checkpoint is old enough.
     pub(super) fn save(&mut self, head: &Head) {
-        if self.kept().last().is_some_and(|c| head.time < c.time + self.spacing) {
+        if self.kept().next_back().is_some_and(|c| head.time < c.time + self.spacing) {
             return;
         }
-        if self.len >= CHECKPOINTS {
-            self.keep_from(1);
-        }
-        if let Some(slot) = self.entries.get_mut(self.len) {
-            *slot = Checkpoint {
-                state: PackedState::pack(&head.state),
-                time: head.time,
-                next_sample: head.next_sample,
-                applied: head.applied,
-                trust: head.trust,
-                kept_bias: head.kept_bias,
-            };
-            self.len += 1;
-        }
+        self.entries[self.places.push()] = Checkpoint {
+            state: PackedState::pack(&head.state),
+            time: head.time,
+            next_sample: head.next_sample,
+            applied: head.applied,
+            trust: head.trust,
+            kept_bias: head.kept_bias,
+        };
     }
 
     /// Returns to the last checkpoint before `time`, and removes those after it. Returns false if there is none that
     /// starts at sample `oldest` or later.
     pub(super) fn restore(&mut self, time: f64, oldest: u64, head: &mut Head) -> bool {
-        let before = self.kept().iter().filter(|c| c.time <= time && c.applied < time).count();
-        let Some(found) = before.checked_sub(1).and_then(|last| self.kept().get(last)) else {
+        let before = self.kept().filter(|c| c.time <= time && c.applied < time).count();
+        let Some(found) = before.checked_sub(1).and_then(|last| self.kept().nth(last)) else {
             return false;
         };
         if found.next_sample < oldest {
@@ -305,18 +328,18 @@ impl Checkpoints {
             trust: found.trust,
             kept_bias: found.kept_bias,
         };
-        self.len = before;
+        self.places.len = before as u32;
         true
     }
 
     /// Removes the checkpoints from which a pose of that `time`, which is no longer in the queue, would have to be
     /// applied again.
     pub(super) fn forget_before(&mut self, time: f64) {
-        let stale = self.kept().iter().filter(|c| c.applied < time).count();
-        self.keep_from(stale);
+        let stale = self.kept().filter(|c| c.applied < time).count();
+        self.places.remove_oldest(stale as u32);
     }
 
     pub(super) fn clear(&mut self) {
-        self.len = 0;
+        self.places = Places::NONE;
     }
 }

@@ -70,10 +70,15 @@ impl Estimator {
         self.head.applied = pose.time;
         let measured = self.params.imu_pose(&self.derived, &pose.position, &pose.rotation);
         let own = self.head.trust.noise * self.head.trust.noise;
-        let (Some(whole), Some(trusted)) =
-            (self.innovation(&measured, (1.0, 1.0)), self.innovation(&measured, (own, own)))
-        else {
-            return report(pose.time, Outcome::Rejected, f64::INFINITY, None);
+        let refused = report(pose.time, Outcome::Rejected, f64::INFINITY, None);
+        let Some(whole) = self.innovation(&measured, (1.0, 1.0)) else {
+            return refused;
+        };
+        let noisier = (own != 1.0).then(|| self.innovation(&measured, (own, own)));
+        let trusted = match &noisier {
+            None => &whole,
+            Some(Some(noisier)) => noisier,
+            Some(None) => return refused,
         };
         let surprise = trusted.squared(6);
         let nis = whole.squared(6);
@@ -85,7 +90,7 @@ impl Estimator {
             self.head.trust.weigh(said, noises);
             Outcome::Rejected
         } else if surprise <= gate || surprise <= gate * self.head.trust.level() {
-            self.head.state.apply(&trusted);
+            self.head.state.apply(trusted);
             self.head.trust.accept(pose.time, nis / 6.0);
             Outcome::Accepted
         } else {

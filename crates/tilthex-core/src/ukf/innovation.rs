@@ -2,7 +2,7 @@
 
 use super::{
     UkfState,
-    matrix::{Column, LANES, N},
+    matrix::{Column, LANES},
     sigma::{ACCELEROMETER_BIAS, GYRO_BIAS, POSITION, ROTATION, VELOCITY, part},
 };
 use crate::{
@@ -81,8 +81,7 @@ impl UkfState {
         let mut l = [[0.0; M]; M];
         // Indices are limited to their range, because the optimiser cannot prove the range of a caller's rows.
         for (j, row) in rows.iter().enumerate() {
-            let mut column: Column =
-                core::array::from_fn(|i| if i < N { p.get(i, (*row).min(N - 1)) } else { 0.0 });
+            let mut column = p.whole_column(*row);
             let mut s: [f64; M] =
                 core::array::from_fn(|i| column[rows[i].min(LANES - 1)] + noise[j.min(i)][j.max(i)]);
             let entry = s[j];
@@ -140,13 +139,14 @@ impl UkfState {
             for (x, g) in step.iter_mut().zip(gain) {
                 *x += e * g;
             }
-            self.covariance.downdate(gain);
         }
+        self.covariance.downdate(&innovation.gains);
         let mean = &mut self.mean;
         mean.gyro_bias_i += part(&step, GYRO_BIAS);
         mean.accelerometer_bias_i += part(&step, ACCELEROMETER_BIAS);
         mean.velocity_w += part(&step, VELOCITY);
         mean.position_w += part(&step, POSITION);
         mean.rotation_wi = so3::exp(&part(&step, ROTATION)) * mean.rotation_wi;
+        self.make_definite();
     }
 }

@@ -1,4 +1,4 @@
-//! Triangles of 15x15 matrices, in a layout for the two products of the filter.
+//! Triangles of 15x15 matrices, in a layout for factorisation and update.
 //!
 //! A column holds 16 lanes, so that a compiler turns each loop over lanes into whole vector instructions. Columns are
 //! processed in groups of four, from the first lane of the group. Entries above the diagonal are never read.
@@ -24,32 +24,47 @@ impl Triangle {
         if i >= j { self.0[j][i] } else { self.0[i][j] }
     }
 
+    /// Column of the symmetric matrix.
+    #[inline]
+    pub(super) fn whole_column(&self, j: usize) -> Column {
+        let j = j.min(N - 1); // always true; the optimiser needs it
+        let mut column = self.0[j];
+        for i in 0..j {
+            column[i] = self.0[i][j];
+        }
+        column
+    }
+
     /// Diagonal entry.
     pub(super) fn diagonal(&self, i: usize) -> f64 {
         self.0[i][i]
     }
 
-    /// The lower triangular factor `L` with `L L^T` equal to this matrix, zero above the diagonal. None if a pivot is
-    /// not above `1e-15` of its diagonal entry.
-    pub(super) fn cholesky(&self) -> Option<Self> {
-        let mut l = Self::ZERO;
-        let positive = self.factor_panel::<0>(&mut l)
-            && self.factor_panel::<4>(&mut l)
-            && self.factor_panel::<8>(&mut l)
-            && self.factor_panel::<12>(&mut l);
-        positive.then_some(l)
+    /// Sets the first columns of the lower triangular factor `L` with `L L^T` equal to this matrix, zero above the diagonal,
+    /// where `l` must be zero. False if one of their pivots is not above `1e-15` of its
+    /// diagonal entry.
+    pub(super) fn cholesky<const COLUMNS: usize>(&self, l: &mut [Column; COLUMNS]) -> bool {
+        self.factor_panel::<0, COLUMNS>(l)
+            && self.factor_panel::<4, COLUMNS>(l)
+            && self.factor_panel::<8, COLUMNS>(l)
+            && self.factor_panel::<12, COLUMNS>(l)
+    }
+
+    /// Whether this matrix has a factor.
+    pub(super) fn is_definite(&self) -> bool {
+        self.cholesky::<N>(&mut [[0.0; LANES]; N])
     }
 
     /// Columns `FIRST..FIRST + 4` of the factor (left-looking).
     #[inline]
-    fn factor_panel<const FIRST: usize>(&self, l: &mut Self) -> bool {
-        for j in FIRST..N.min(FIRST + 4) {
+    fn factor_panel<const FIRST: usize, const COLUMNS: usize>(&self, l: &mut [Column; COLUMNS]) -> bool {
+        for j in FIRST..COLUMNS.min(FIRST + 4) {
             let mut column = self.0[j];
             let entry = column[j];
             for k in 0..j {
-                let factor = l.0[k][j];
+                let factor = l[k][j];
                 for i in FIRST..LANES {
-                    column[i] -= factor * l.0[k][i];
+                    column[i] -= factor * l[k][i];
                 }
             }
             let pivot = column[j];
@@ -58,43 +73,31 @@ impl Triangle {
             }
             let scale = 1.0 / libm::sqrt(pivot);
             for i in FIRST..LANES {
-                l.0[j][i] = if i >= j { column[i] * scale } else { 0.0 };
+                l[j][i] = if i >= j { column[i] * scale } else { 0.0 };
             }
         }
         true
     }
 
-    /// `A A^T` of a lower triangular `A`.
-    pub(super) fn gram(&self) -> Self {
-        let mut p = Self::ZERO;
-        self.gram_panel::<0>(&mut p);
-        self.gram_panel::<4>(&mut p);
-        self.gram_panel::<8>(&mut p);
-        self.gram_panel::<12>(&mut p);
-        p
+    /// Subtracts the sum of `w w^T`.
+    pub(super) fn downdate<const M: usize>(&mut self, w: &[Column; M]) {
+        self.downdate_panel::<0, M>(w);
+        self.downdate_panel::<4, M>(w);
+        self.downdate_panel::<8, M>(w);
+        self.downdate_panel::<12, M>(w);
     }
 
     #[inline]
-    fn gram_panel<const FIRST: usize>(&self, p: &mut Self) {
+    fn downdate_panel<const FIRST: usize, const M: usize>(&mut self, w: &[Column; M]) {
         for j in FIRST..N.min(FIRST + 4) {
-            let mut column = [0.0; LANES];
-            for k in 0..=j {
-                let factor = self.0[k][j];
+            let mut column = self.0[j];
+            for w in w {
+                let factor = w[j];
                 for i in FIRST..LANES {
-                    column[i] += factor * self.0[k][i];
+                    column[i] -= factor * w[i];
                 }
             }
-            p.0[j] = column;
-        }
-    }
-
-    /// Subtracts `w w^T`.
-    pub(super) fn downdate(&mut self, w: &Column) {
-        for j in 0..N {
-            let factor = w[j];
-            for i in 0..LANES {
-                self.0[j][i] -= factor * w[i];
-            }
+            self.0[j] = column;
         }
     }
 

@@ -16,15 +16,18 @@
 //! unscented update equals the Kalman update exactly.
 //!
 //! # Why the covariance stays positive definite
-//! A prediction is a sum of squares with positive weights plus process noise. The process noise adds to each variance
+//! A prediction is a sum of squares with positive weights plus process noise; it is computed as a change of the covariance
+//! before, with the same rounding. The process noise adds to each variance
 //! (1e-9 and more of it in each step) far more than the rounding of the sum (1e-14). An update subtracts `W W^T` with
 //! the measurement noise inside `W`; lower limits of that noise and upper limits of the covariance keep their ratio
-//! below 1e13. If a factorisation still fails, the correlations are reduced until it succeeds, and the event is
-//! counted.
+//! below 1e13. After each update the whole covariance is factorised; if this still fails, the correlations are reduced
+//! until it succeeds, and the event is counted. A prediction factorises the columns that it needs.
 
 mod innovation;
 mod matrix;
+mod moved;
 mod params;
+mod quaternion;
 mod sigma;
 
 pub use innovation::{Innovation, PoseNoise};
@@ -34,8 +37,8 @@ use crate::{
     Error,
     types::{Matrix3, Vector3},
 };
-use matrix::{LANES, N, Triangle};
-use sigma::{ACCELEROMETER_BIAS, GYRO_BIAS, POSITION, ROTATION, VELOCITY};
+use matrix::{Column, LANES, N, Triangle};
+use sigma::{ACCELEROMETER_BIAS, CURVED, GYRO_BIAS, POSITION, Pairs, ROTATION, VELOCITY};
 
 /// Covariance of the error state `(position, velocity, rotation, gyro bias,
 /// accelerometer bias)`: SI units, world coordinates for the first three, IMU coordinates for the biases.
@@ -225,7 +228,7 @@ impl UkfState {
     /// Whether mean and covariance are finite, and the covariance positive definite.
     #[must_use]
     pub fn is_sound(&self) -> bool {
-        self.covariance.is_sound() && self.covariance.cholesky().is_some() && self.mean_is_finite()
+        self.covariance.is_sound() && self.covariance.is_definite() && self.mean_is_finite()
     }
 
     fn mean_is_finite(&self) -> bool {
@@ -249,32 +252,37 @@ impl UkfState {
         }
     }
 
-    /// The factor of the covariance. If rounding has made the covariance indefinite, the correlations are reduced, by
-    /// 1e-12 and then by more and more, until it is definite.
-    fn factor(&mut self) -> Triangle {
-        if let Some(l) = self.covariance.cholesky() {
-            return l;
+    /// The first columns of the factor of the covariance.
+    fn factor(&mut self, l: &mut [Column; CURVED]) {
+        if !self.covariance.cholesky(l) {
+            self.make_definite();
+            self.covariance.cholesky(l);
+        }
+    }
+
+    /// If rounding has made the covariance indefinite, reduces the correlations, by 1e-12 and then by more and more,
+    /// until it is definite.
+    fn make_definite(&mut self) {
+        if self.covariance.is_definite() {
+            return;
         }
         self.recoveries = self.recoveries.saturating_add(1);
         for shrink in [1e-12, 1e-9, 1e-6, 1e-3] {
             for j in 0..N {
                 self.covariance.0[j][j] *= 1.0 + shrink;
             }
-            if let Some(l) = self.covariance.cholesky() {
-                return l;
+            if self.covariance.is_definite() {
+                return;
             }
         }
         // At best the diagonal is left.
-        let mut l = Triangle::ZERO;
         for j in 0..N {
             let variance = self.covariance.0[j][j];
             let ceiling = CEILING[j / 3];
             let variance = if variance > 0.0 && variance < ceiling { variance } else { ceiling };
             self.covariance.0[j] = [0.0; LANES];
             self.covariance.0[j][j] = variance;
-            l.0[j][j] = libm::sqrt(variance);
         }
-        l
     }
 }
 
@@ -296,14 +304,15 @@ impl Ukf {
     /// Moves the state by `dt` seconds (0 to 1) with constant readings: `gyro_i` in rad/s and `specific_force_i` in
     /// m/s^2, IMU coordinates, including the biases.
     pub fn predict(&self, state: &mut UkfState, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) {
-        let factor = state.factor();
-        let moved = sigma::propagate(&state.mean, factor, gyro_i, specific_force_i, dt);
-        state.mean = moved.mean;
+        let mut factor = [[0.0; LANES]; CURVED];
+        state.factor(&mut factor);
+        let mut pairs = Pairs::ZERO;
+        let (mean, mid) = pairs.propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
+        state.mean = mean;
         // One Newton step to the nearest rotation, so that rounding errors do not accumulate.
         let r = &state.mean.rotation_wi;
         state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
-        state.covariance = moved.factor.gram();
-        add_even(&mut state.covariance, &moved.even, dt);
+        moved::propagate(&mut state.covariance, &factor, &pairs, &mid, dt);
         self.add_noise(&mut state.covariance, dt);
         state.limit();
     }
@@ -320,24 +329,6 @@ impl Ukf {
             covariance.0[VELOCITY + i][VELOCITY + i] += force;
             covariance.0[VELOCITY + i][POSITION + i] += 0.5 * dt * force;
             covariance.0[POSITION + i][POSITION + i] += dt * dt / 3.0 * force;
-        }
-    }
-}
-
-/// Adds the products of the even halves: over (rotation, acceleration), of which the velocity gets `dt` and the
-/// position `dt^2/2`.
-#[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
-fn add_even(covariance: &mut Triangle, even: &[[f64; 6]; 6], dt: f64) {
-    let half = 0.5 * dt * dt;
-    for j in 0..3 {
-        for i in 0..3 {
-            let (force_rotation, force) = (even[j][i + 3], even[j + 3][i + 3]);
-            covariance.0[ROTATION + j][ROTATION + i] += even[j][i];
-            covariance.0[ROTATION + j][VELOCITY + i] += dt * force_rotation;
-            covariance.0[ROTATION + j][POSITION + i] += half * force_rotation;
-            covariance.0[VELOCITY + j][VELOCITY + i] += dt * dt * force;
-            covariance.0[VELOCITY + j][POSITION + i] += dt * half * force;
-            covariance.0[POSITION + j][POSITION + i] += half * half * force;
         }
     }
 }

@@ -11,25 +11,21 @@
 //! ```
 //!
 //! is linear in everything but the gyro bias and the rotation:
-//! * columns 12..15 (position), 9..12 (velocity) and 6..9 (accelerometer bias) propagate linearly: no point is
-//!   evaluated;
+//! * columns 6..15 (accelerometer bias, velocity, position) propagate linearly: neither the points nor the columns are
+//!   needed (`moved.rs`);
 //! * columns 3..6 rotate the frame and do not change the rate: the rotation error does not change, and the sum and
 //!   difference of a pair of points have closed forms;
 //! * columns 0..3 are evaluated as pairs of points.
 //!
-//! A pair `+-x` maps to `even +- odd`. The odd halves of all pairs are again a lower triangular matrix `A`. The
-//! covariance of the points is `A A^T` plus the outer products of the even halves; this module returns both. Nothing
-//! is linearised: the result equals that of the 31 points to rounding.
+//! A pair `+-x` maps to `even +- odd`. This module returns the odd halves of rotation error and acceleration without
+//! what is linear in the state, and the sums of the squares of both halves. Nothing is linearised: the result equals
+//! that of the 31 points to rounding.
 
-use super::{
-    Navigation,
-    matrix::{Column, Triangle},
-};
+use super::{Navigation, matrix::Column, quaternion::Quaternion};
 use crate::{
     GRAVITY, so3,
     types::{Matrix3, Vector3},
 };
-use libm::{atan2, sqrt};
 
 /// First index of each part of the error state, inside the filter.
 pub(super) const GYRO_BIAS: usize = 0;
@@ -38,80 +34,62 @@ pub(super) const ACCELEROMETER_BIAS: usize = 6;
 pub(super) const VELOCITY: usize = 9;
 pub(super) const POSITION: usize = 12;
 
+/// Number of columns in which the model is not linear.
+pub(super) const CURVED: usize = 6;
+
 /// Square of the points' distance from the mean in standard deviations: the value that matches the fourth moment of a
 /// normal distribution (`alpha^2 = 3/15`, `kappa = 0`).
 const SPREAD_SQUARED: f64 = 3.0;
 /// `sqrt(3)`.
 const SPREAD: f64 = 1.732_050_807_568_877_2;
-/// Weight of the outer product of the even halves' mean: `2 - alpha^2`, for `beta = 2`.
-const MEAN_WEIGHT: f64 = 1.8;
+/// From the sum or difference of a pair to its half, in units of the columns.
+const HALF: f64 = 0.5 / SPREAD;
+/// Root of the weight of the outer product of the even halves' sum, in these units: `(2 - alpha^2) / 3` for `beta = 2`.
+const SUM_WEIGHT: f64 = 0.774_596_669_241_483_4;
+
+/// Below this square of the angles of a point, rad^2, series suffice for all of its rotations.
+const SMALL: f64 = 8e-3;
 
 /// Three lanes of a column, from `first`.
 pub(super) fn part(column: &Column, first: usize) -> Vector3 {
     Vector3::new(column[first], column[first + 1], column[first + 2])
 }
 
-fn set_part(column: &mut Column, first: usize, v: &Vector3) {
-    column[first] = v.x;
-    column[first + 1] = v.y;
-    column[first + 2] = v.z;
+/// A number for each column in which the model is not linear.
+pub(super) type Row = [f64; CURVED];
+
+/// A vector for each column.
+type Rows = [Row; 3];
+
+fn at(rows: &Rows, k: usize) -> Vector3 {
+    Vector3::new(rows[0][k], rows[1][k], rows[2][k])
 }
 
-/// The rotation by a rotation vector, applied to vectors.
-struct Turn {
-    vector: Vector3,
-    /// `sin(t)/t` and `(1 - cos(t))/t^2`.
-    a: f64,
-    b: f64,
+fn put(rows: &mut Rows, k: usize, v: &Vector3) {
+    (rows[0][k], rows[1][k], rows[2][k]) = (v.x, v.y, v.z);
 }
 
-impl Turn {
-    fn new(vector: Vector3) -> Self {
-        let (a, b, _) = so3::ratios(vector.norm_squared());
-        Self { vector, a, b }
-    }
-
-    fn apply(&self, u: &Vector3) -> Vector3 {
-        let c = self.vector.cross(u);
-        u + self.a * c + self.b * self.vector.cross(&c)
-    }
-}
-
-/// A unit quaternion: scalar, vector.
+/// Halves of the pairs.
 #[derive(Clone, Copy)]
-struct Quaternion(f64, Vector3);
+pub(super) struct Halves {
+    /// Change of the rotation error, rad.
+    pub(super) rotation: Rows,
+    /// Acceleration, m/s^2.
+    pub(super) force: Rows,
+}
 
-impl Quaternion {
-    fn exp(v: &Vector3) -> Self {
-        let h2 = 0.25 * v.norm_squared();
-        let (a, b, _) = so3::ratios(h2);
-        Self(1.0 - b * h2, 0.5 * a * v)
-    }
+impl Halves {
+    const ZERO: Self = Self { rotation: [[0.0; CURVED]; 3], force: [[0.0; CURVED]; 3] };
 
-    fn times(&self, other: &Self) -> Self {
-        Self(
-            self.0 * other.0 - self.1.dot(&other.1),
-            self.0 * other.1 + other.0 * self.1 + self.1.cross(&other.1),
-        )
-    }
-
-    /// Rotation vector, with an angle in `[0, pi]`.
-    fn log(&self) -> Vector3 {
-        let (w, v) = if self.0 < 0.0 { (-self.0, -self.1) } else { (self.0, self.1) };
-        let n2 = v.norm_squared();
-        let q2 = n2 / (w * w);
-        if q2 < 1e-2 {
-            // 2 atan(q)/q / w as a series, exact to rounding for q < 0.1.
-            let s = 1.0 / 13.0 - q2 * (1.0 / 15.0 - q2 / 17.0);
-            let s = 1.0 / 7.0 - q2 * (1.0 / 9.0 - q2 * (1.0 / 11.0 - q2 * s));
-            let s = 1.0 - q2 * (1.0 / 3.0 - q2 * (1.0 / 5.0 - q2 * s));
-            (2.0 / w * s) * v
-        } else {
-            let n = sqrt(n2);
-            (2.0 * atan2(n, w) / n) * v
-        }
+    fn rows(&self) -> [&Row; 6] {
+        let [a, b, c] = &self.rotation;
+        let [x, y, z] = &self.force;
+        [a, b, c, x, y, z]
     }
 }
+
+/// Outer products over (rotation error, acceleration).
+pub(super) type Squares = [[f64; 6]; 6];
 
 impl Navigation {
     /// The state after `dt` seconds of constant readings.
@@ -120,13 +98,13 @@ impl Navigation {
     #[must_use]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {
         let turned = self.rotation_wi * so3::exp(&((gyro_i - self.gyro_bias_i) * dt));
-        self.advance_turned(turned, specific_force_i, dt)
+        let mid = 0.5 * (self.rotation_wi + turned);
+        self.advance_turned(turned, &(mid * (specific_force_i - self.accelerometer_bias_i)), dt)
     }
 
-    fn advance_turned(&self, turned: Matrix3, specific_force_i: &Vector3, dt: f64) -> Self {
-        let s = specific_force_i - self.accelerometer_bias_i;
-        let mut acceleration = 0.5 * (self.rotation_wi * s + turned * s);
-        acceleration.z -= GRAVITY;
+    /// The state after `dt` seconds with the mean specific force `force_w`.
+    fn advance_turned(&self, turned: Matrix3, force_w: &Vector3, dt: f64) -> Self {
+        let acceleration = Vector3::new(force_w.x, force_w.y, force_w.z - GRAVITY);
         Self {
             position_w: self.position_w + dt * (self.velocity_w + 0.5 * dt * acceleration),
             velocity_w: self.velocity_w + dt * acceleration,
@@ -136,108 +114,141 @@ impl Navigation {
     }
 }
 
-/// The points of one prediction after propagation.
-pub(super) struct Prediction {
-    /// The propagated mean.
-    pub(super) mean: Navigation,
-    /// Odd halves of the pairs: a lower triangular factor of the covariance.
-    pub(super) factor: Triangle,
-    /// Even halves: their (weighted) outer products over (rotation error, acceleration).
-    pub(super) even: [[f64; 6]; 6],
+/// How the mean moves.
+struct Motion {
+    /// The mean rate times the length of the interval, rad, IMU.
+    turn: Vector3,
+    back: Quaternion,
+    /// The rotation before and after; their mean.
+    rotation: Matrix3,
+    turned: Matrix3,
+    mid: Matrix3,
+    /// The specific force, W: mean, and after the turn.
+    force_w: Vector3,
+    turned_force_w: Vector3,
 }
 
-/// Propagates the points of `factor` (see [`Triangle::cholesky`]) about `mean` through the model.
-pub(super) fn propagate(
-    mean: &Navigation,
-    mut factor: Triangle,
-    gyro_i: &Vector3,
-    specific_force_i: &Vector3,
-    dt: f64,
-) -> Prediction {
-    let rate = gyro_i - mean.gyro_bias_i;
-    let force = specific_force_i - mean.accelerometer_bias_i;
-    let step = so3::exp(&(rate * dt));
-    let rotation = mean.rotation_wi;
-    let turned = rotation * step;
-    // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
-    let mid = 0.5 * (rotation + turned);
-    let mean_force_w = mid * force;
-    let back = Quaternion::exp(&(rate * -dt));
+/// The pairs of points of one prediction after propagation.
+pub(super) struct Pairs {
+    /// Odd halves. The rotation error is without that of the column, the acceleration without that of the column's
+    /// accelerometer bias.
+    pub(super) odd: Halves,
+    /// Even halves.
+    even: Halves,
+}
 
-    let mut evens = [[0.0; 6]; 6];
-    for (k, (column, even)) in factor.0.iter_mut().zip(&mut evens).enumerate() {
-        let angle = SPREAD * part(column, ROTATION);
-        let bias = SPREAD * part(column, ACCELEROMETER_BIAS);
-        let (odd_force, even_rotation, even_force);
-        if k < 3 {
-            let gyro_bias = SPREAD * part(column, GYRO_BIAS);
-            let point = |sign: f64| {
-                let turn = (rate - sign * gyro_bias) * dt;
-                // exp(angle) R exp(turn) exp(-rate dt) R^T, and its logarithm.
-                let Quaternion(w, v) = Quaternion::exp(&turn).times(&back);
-                let error = Quaternion::exp(&(sign * angle)).times(&Quaternion(w, rotation * v)).log();
-                let s = force - sign * bias;
-                let mid_force_i = 0.5 * (s + Turn::new(turn).apply(&s));
-                (error, Turn::new(sign * angle).apply(&(rotation * mid_force_i)))
-            };
-            let (plus, minus) = (point(1.0), point(-1.0));
-            set_part(column, ROTATION, &((plus.0 - minus.0) * (0.5 / SPREAD)));
-            odd_force = (plus.1 - minus.1) * (0.5 / SPREAD);
-            even_rotation = 0.5 * (plus.0 + minus.0);
-            even_force = 0.5 * (plus.1 + minus.1) - mean_force_w;
-        } else {
-            // exp(+-x) (u -+ w), halves of the sum and of the difference.
-            let turn = Turn::new(angle);
-            let (u, w) = (mean_force_w, mid * bias);
-            let (xu, xw) = (angle.cross(&u), angle.cross(&w));
-            odd_force = (turn.a * xu - w - turn.b * angle.cross(&xw)) / SPREAD;
-            even_force = turn.b * angle.cross(&xu) - turn.a * xw;
-            even_rotation = Vector3::zeros();
+impl Pairs {
+    pub(super) const ZERO: Self = Self { odd: Halves::ZERO, even: Halves::ZERO };
+
+    /// Propagates the points of the first columns of the factor (see [`Triangle::cholesky`](super::matrix::Triangle)) about
+    /// `mean` through the model. Returns the propagated mean, and the map of a specific force, IMU, to its mean over the
+    /// interval, W.
+    pub(super) fn propagate(
+        &mut self,
+        mean: &Navigation,
+        factor: &[Column; CURVED],
+        gyro_i: &Vector3,
+        specific_force_i: &Vector3,
+        dt: f64,
+    ) -> (Navigation, Matrix3) {
+        let turn = (gyro_i - mean.gyro_bias_i) * dt;
+        let force = specific_force_i - mean.accelerometer_bias_i;
+        let step = Quaternion::exp::<false>(&turn);
+        let rotation = mean.rotation_wi;
+        let turned = rotation * step.matrix();
+        // a = mid (s - bias) - g e3 for every point that rotates at the mean rate.
+        let mid = 0.5 * (rotation + turned);
+        let (force_w, turned_force_w) = (mid * force, turned * force);
+        let motion = Motion { turn, back: step.inverse(), rotation, turned, mid, force_w, turned_force_w };
+        let mut largest = turn.norm_squared();
+        for column in factor {
+            let squares =
+                [part(column, ROTATION).norm_squared(), dt * dt * part(column, GYRO_BIAS).norm_squared()];
+            largest = squares.iter().fold(largest, |most, x| most.max(SPREAD_SQUARED * x));
         }
-        move_column(column, &odd_force, dt);
-        *even = [even_rotation.x, even_rotation.y, even_rotation.z, even_force.x, even_force.y, even_force.z];
-    }
-    for column in &mut factor.0[6..9] {
-        let odd_force = -(mid * part(column, ACCELEROMETER_BIAS));
-        move_column(column, &odd_force, dt);
-    }
-    for column in &mut factor.0[9..12] {
-        move_column(column, &Vector3::zeros(), dt);
+        if largest < SMALL {
+            self.bend::<true>(factor, &motion, dt);
+        } else {
+            self.bend::<false>(factor, &motion, dt);
+        }
+        (mean.advance_turned(turned, &force_w, dt), mid)
     }
 
-    let mean = mean.advance_turned(turned, specific_force_i, dt);
-    Prediction { mean, factor, even: even_products(&evens) }
-}
-
-/// Velocity and position parts of a column whose acceleration is `odd_force`.
-fn move_column(column: &mut Column, odd_force: &Vector3, dt: f64) {
-    let velocity = part(column, VELOCITY);
-    let position = part(column, POSITION) + dt * (velocity + 0.5 * dt * odd_force);
-    set_part(column, POSITION, &position);
-    set_part(column, VELOCITY, &(velocity + dt * odd_force));
-}
-
-/// The part of the covariance that comes from the even halves `e`. With `c` the square of the spread, weights
-/// `1/(2c)` and `beta = 2`, the sum over the deviations of the points and of the centre from their mean `m = 1/c sum
-/// e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares, although the weight of the centre itself is
-/// negative.
-#[allow(clippy::needless_range_loop)]
-fn even_products(evens: &[[f64; 6]; 6]) -> [[f64; 6]; 6] {
-    let mut products = [[0.0; 6]; 6];
-    let mut mean = [0.0; 6];
-    for e in evens {
-        for j in 0..6 {
-            mean[j] += e[j];
-            for i in 0..6 {
-                products[j][i] += e[j] * e[i];
+    /// Sets the odd and the even halves. The loops are those over columns or points, so that these share vector instructions.
+    #[allow(clippy::needless_range_loop)] // Several arrays have the same index.
+    fn bend<const SERIES: bool>(&mut self, factor: &[Column; CURVED], motion: &Motion, dt: f64) {
+        let zero = [[0.0; CURVED]; 3];
+        // The columns' rotations as quaternions (w, n), and their accelerometer biases.
+        let (mut w, mut n, mut bias) = ([0.0; CURVED], zero, zero);
+        for k in 0..CURVED {
+            let angle = Quaternion::exp::<SERIES>(&(SPREAD * part(&factor[k], ROTATION)));
+            w[k] = angle.w;
+            put(&mut n, k, &angle.v);
+            put(&mut bias, k, &(SPREAD * part(&factor[k], ACCELEROMETER_BIAS)));
+        }
+        // The points of the first three columns: three plus, three minus.
+        let (mut turns, mut angles, mut forces_w, mut scalars) = (zero, zero, zero, [0.0; CURVED]);
+        for k in 0..3 {
+            let gyro_bias = (SPREAD * dt) * part(&factor[k], GYRO_BIAS);
+            let bias_w = motion.turned * at(&bias, k);
+            for (k, column, sign) in [(k, k, 1.0), (k + 3, k, -1.0)] {
+                scalars[k] = w[column];
+                put(&mut angles, k, &(sign * at(&n, column)));
+                put(&mut turns, k, &(motion.turn - sign * gyro_bias));
+                put(&mut forces_w, k, &(motion.turned_force_w - sign * bias_w));
             }
         }
-    }
-    for j in 0..6 {
-        for i in 0..6 {
-            products[j][i] =
-                (products[j][i] + MEAN_WEIGHT / SPREAD_SQUARED * mean[j] * mean[i]) / SPREAD_SQUARED;
+        let (mut errors, mut changes) = (zero, zero);
+        for k in 0..CURVED {
+            // R exp(turn) exp(-rate dt) R^T: what the point turns beyond the mean.
+            let beyond = Quaternion::exp::<SERIES>(&at(&turns, k)).times(&motion.back);
+            let beyond = Quaternion { w: beyond.w, v: motion.rotation * beyond.v };
+            let angle = Quaternion { w: scalars[k], v: at(&angles, k) };
+            put(&mut errors, k, &angle.times(&beyond).log::<SERIES>());
+            put(&mut changes, k, &(0.5 * beyond.change(&at(&forces_w, k))));
+        }
+        let (odd, even) = (&mut self.odd, &mut self.even);
+        for k in 0..3 {
+            let (plus, minus) = (at(&errors, k), at(&errors, k + 3));
+            put(&mut odd.rotation, k, &(HALF * (plus - minus) - part(&factor[k], ROTATION)));
+            put(&mut even.rotation, k, &(HALF * (plus + minus)));
+            let (plus, minus) = (at(&changes, k), at(&changes, k + 3));
+            put(&mut odd.force, k, &(plus - minus));
+            put(&mut even.force, k, &(plus + minus));
+        }
+        for k in 0..CURVED {
+            // Difference and sum of a pair's mean specific forces, before the rotation error turns them by
+            // exp(+-x) u = u +- 2 w n x u + 2 n x (n x u).
+            let (odd_force, even_force) = (at(&odd.force, k), at(&even.force, k));
+            let difference = odd_force - 2.0 * (motion.mid * at(&bias, k));
+            let sum = even_force + 2.0 * motion.force_w;
+            let n = at(&n, k);
+            let (of_difference, of_sum) = (2.0 * n.cross(&difference), 2.0 * n.cross(&sum));
+            put(&mut odd.force, k, &(HALF * (odd_force + w[k] * of_sum + n.cross(&of_difference))));
+            put(&mut even.force, k, &(HALF * (even_force + w[k] * of_difference + n.cross(&of_sum))));
         }
     }
-    products
+
+    /// The outer products of the odd halves and those of the even halves `e` over (rotation error, acceleration), lower triangle
+    /// by columns. With `c` the square of the spread, weights `1/(2c)` and `beta = 2`, the sum over the deviations of the
+    /// points and of the centre from their mean `m = 1/c sum e` is `1/c sum e e^T + (2 - alpha^2) m m^T`: a sum of squares,
+    /// although the weight of the centre itself is negative.
+    #[allow(clippy::needless_range_loop)] // Indices are the mathematics here.
+    pub(super) fn squares(&self) -> Squares {
+        let [odd, even] = [&self.odd, &self.even].map(Halves::rows);
+        let sums = even.map(|row| SUM_WEIGHT * row.iter().sum::<f64>());
+        let mut squares = [[0.0; 6]; 6];
+        for j in 0..6 {
+            // Only the first three columns change the rotation error.
+            let columns = if j < 3 { 3 } else { CURVED };
+            for i in j..6 {
+                let mut square = sums[j] * sums[i];
+                for k in 0..columns {
+                    square += odd[j][k] * odd[i][k] + even[j][k] * even[i][k];
+                }
+                squares[j][i] = square;
+            }
+        }
+        squares
+    }
 }
