@@ -138,6 +138,7 @@ RULES = [
     Rule(r"tilthex new .*", answers="\n" * 20),
     Rule(r"tilthex view", not_here=LIVE),
     Rule(r"tilthex view .*", until=r"http://127\.0\.0\.1:\d+/", status=LANDED),
+    Rule(r"tilthex-sim completion .*"),
     Rule(r"tilthex-sim .*", until=r"/dev/pts/\d+"),
     # What refuses the short hover of the test.
     Rule(r"tilthex fit flight\.mcap", status=(2,), says="expected at least 10"),

@@ -169,11 +169,11 @@ def completion_of(printed, function, folder):
     bash = shutil.which("bash")
     if bash is None:
         pytest.skip("bash is not installed")
-    (folder / "completion.bash").write_text(printed)
+    (folder / f"{function}.bash").write_text(printed)
 
     def completed(*words):
         line = " ".join(f"'{word}'" for word in words)
-        call = f"source completion.bash; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; "
+        call = f"source {function}.bash; COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; "
         call += f"{function} '{words[0]}' '{words[-1]}' '{words[-2]}'; "
         call += 'printf "%s\\n" "${COMPREPLY[@]}"'
         done = subprocess.run([bash, "-c", call], cwd=folder, capture_output=True, text=True)
@@ -195,17 +195,56 @@ def test_bash_completes_commands_options_and_choices(tmp_path, capsys):
     assert completed("tilthex", "experiment", "sl") == {"sliding", "sloop.toml"}
     assert completed("tilthex", "experiment", "sliding", "--truth", "cad") == {"cad"}
     assert {"tilt-hex", "sloop.toml"} <= completed("tilthex", "check", "")
-    files = {"sloop.toml", "flight.mcap", "secret", "completion.bash"}
+    files = {"sloop.toml", "flight.mcap", "secret", "_shtab_tilthex.bash"}
     for name in ("estimate", "view"):
         assert completed("tilthex", name, "--config", "") == files, name
     assert completed("tilthex", "view", "fl") == {"flight.mcap"}
     assert completed("tilthex", "view", "--token-file", "se") == {"secret"}
 
 
-def test_bash_completes_the_program_of_the_flight(tmp_path):
-    call = [_programs.program("tilthex-rt"), "completion", "bash"]
+def completion_of_program(name, folder):
+    """What bash offers for the last word of a line of one of the Rust programs."""
+    call = [_programs.program(name), "completion", "bash"]
     printed = subprocess.run(call, capture_output=True, text=True, check=True).stdout
-    completed = completion_of(printed, "_tilthex__rt", tmp_path)
+    return completion_of(printed, f"_{name.replace('-', '__')}", folder)
+
+
+def test_bash_completes_the_doctor_as_the_program(tmp_path, capsys):
+    pytest.importorskip("shtab")
+    assert command.main(["completion", "bash"]) == 0
+    completed = completion_of(capsys.readouterr().out, "_shtab_tilthex", tmp_path)
+    of_program = completion_of_program("tilthex-rt", tmp_path)
+    options = of_program("tilthex-rt", "doctor", "--")
+    assert {"--port", "--json", "--realtime"} < options
+    assert completed("tilthex", "doctor", "--") == options
+    (tmp_path / "vehicle.toml").touch()
+    for option, part, offered in (
+        ("--realtime", "", {"require", "prefer", "off"}),
+        ("--realtime", "re", {"require"}),
+        ("--config", "ve", {"vehicle.toml"}),
+        ("--json", "--m", {"--mocap"}),
+    ):
+        assert of_program("tilthex-rt", "doctor", option, part) == offered
+        assert completed("tilthex", "doctor", option, part) == offered
+
+
+def test_bash_completes_the_simulated_vehicle(tmp_path):
+    completed = completion_of_program("tilthex-sim", tmp_path)
+    assert completed("tilthex-sim", "--mocap-l") == {"--mocap-latency", "--mocap-loss"}
+    assert completed("tilthex-sim", "com") == {"completion"}
+    assert {"bash", "zsh", "fish"} < completed("tilthex-sim", "completion", "")
+    (tmp_path / "push.toml").touch()
+    assert completed("tilthex-sim", "--pushes", "pu") == {"push.toml"}
+
+
+@pytest.mark.parametrize("name", ["tilthex-rt", "tilthex-sim"])
+def test_a_program_says_its_own_name(name):
+    said = subprocess.run([_programs.program(name), "--version"], capture_output=True, text=True, check=True)
+    assert said.stdout.split()[0] == name
+
+
+def test_bash_completes_the_program_of_the_flight(tmp_path):
+    completed = completion_of_program("tilthex-rt", tmp_path)
     assert completed("tilthex-rt", "--take") == {"--take-off"}
     assert completed("tilthex-rt", "--realtime", "") == {"require", "prefer", "off"}
     assert completed("tilthex-rt", "doctor", "--j") == {"--json"}

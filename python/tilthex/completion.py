@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tilthex import Truth, Vehicle
+from tilthex import Truth, Vehicle, doctor
 from tilthex.experiments.cli import built_in
 
 SHELLS = ("bash", "zsh", "tcsh")
@@ -32,6 +32,8 @@ def run(arguments: argparse.Namespace) -> None:
     from tilthex.__main__ import parser
 
     whole, words = parser(), _words()
+    (commands,) = (action for action in whole._actions if isinstance(action, argparse._SubParsersAction))
+    commands.choices["doctor"] = doctor.options()
     _complete_files(whole, shtab.FILE, words)
     functions = "\n".join(
         f'{_function(name)}() {{ compgen -W "{" ".join(known)}" -- "$1"; _shtab_compgen_files "$1"; }}'

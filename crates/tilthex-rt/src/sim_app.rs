@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use clap::Parser;
+use clap::{CommandFactory, Parser, Subcommand};
 use toml::{Table, Value};
 
 use tilthex_config::{Config, TruthSection, VehicleSection};
@@ -24,7 +24,9 @@ use tilthex_sim::{
 };
 
 use crate::{
-    Failure, failure,
+    Failure,
+    completion::Completion,
+    failure,
     output::say,
     signals,
     sim::{CAPTURE_EVERY, Capture, Server, World, board, world::WorldParams},
@@ -35,8 +37,11 @@ use crate::{
 /// Exit status: 0 interrupted; 2 wrong arguments or configuration, or no Python with MuJoCo for --world;
 /// 3 no pseudo-terminal, or the world ended or sent an unexpected answer.
 #[derive(Clone, Debug, Parser)]
-#[command(version, max_term_width = 100)]
+#[command(name = "tilthex-sim", version, max_term_width = 100, args_conflicts_with_subcommands = true)]
 pub struct Args {
+    #[command(subcommand)]
+    action: Option<Action>,
+
     /// The configuration whose vehicle is simulated [default: that of the preset tilt-hex]
     #[arg(long, value_name = "FILE.toml")]
     pub config: Option<PathBuf>,
@@ -105,12 +110,22 @@ pub struct Args {
     pub world_truth: Option<PathBuf>,
 }
 
+/// An action instead of a simulation.
+#[derive(Clone, Copy, Debug, Subcommand)]
+enum Action {
+    /// Print the script with which a shell completes this command
+    Completion(Completion),
+}
+
 /// Runs the program until it is interrupted.
 ///
 /// # Errors
 /// One sentence.
 pub fn run() -> Result<(), Failure> {
     let args: Args = failure::arguments()?;
+    if let Some(Action::Completion(completion)) = args.action {
+        return completion.print(Args::command());
+    }
     let stop = signals::flag()?;
     let config = match &args.config {
         Some(path) => Config::from_file(path),

@@ -10,6 +10,7 @@ use tilthex_config::{Config, ConfigError, VehicleSection};
 use super::campaign::{Flights, Results};
 use crate::{
     Failure,
+    completion::Completion,
     control::{DEFAULT_ADDRESS, Token},
     realtime::Demand,
     vehicle_uri::VehicleUri,
@@ -157,10 +158,7 @@ pub(super) enum Action {
         json: bool,
     },
     /// Print the script with which a shell completes this command
-    Completion {
-        /// The shell
-        shell: clap_complete::Shell,
-    },
+    Completion(Completion),
     /// Forward poses and orders to a vehicle that flies itself with tilthex on board, show what it tells, and log it
     Console(super::console::Args),
     /// Run a logged flight again from its raw inputs and compare every output, bit for bit

@@ -45,13 +45,7 @@ pub fn run() -> Result<(), Failure> {
                 ))),
             }
         }
-        Some(Action::Completion { shell }) => {
-            let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut Args::command(), "tilthex-rt", &mut script);
-            // The generator of bash has two names for a command with a hyphen, of which it finds only this one.
-            let script = String::from_utf8_lossy(&script).replace("tilthex__subcmd__rt", "tilthex__rt");
-            output::print(&script)
-        }
+        Some(Action::Completion(completion)) => completion.print(Args::command()),
         Some(Action::Console(args)) => console::run(args),
         Some(Action::Replay { log }) => {
             let found = replay::file(log)?;
