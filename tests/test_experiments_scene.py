@@ -20,6 +20,7 @@ from tilthex.experiments import own_scene, report, spec, video
 from tilthex.experiments.flight import fly
 from tilthex.experiments.record import Check
 from tilthex.experiments.scenes import Scene
+from tilthex.mjcf import ROTOR_RADIUS
 
 BUTTON = """
 <mujoco>
@@ -97,6 +98,12 @@ def test_a_camera_sees_the_whole_vehicle_all_the_time(name, turned, seed, size) 
     rotations = Rotation.from_rotvec(draws.normal(0.0, 0.3, (7, 3))).as_matrix()
     camera = video.camera(vehicle, positions, rotations, size)
     parts = [vehicle.tool_position, *(rotor["position"] for rotor in vehicle.rotors)]
+    for rotor in vehicle.rotors:
+        side = np.cross(rotor["axis"], [1.0, 0.0, 0.0])
+        side *= ROTOR_RADIUS / np.linalg.norm(side)
+        front = np.cross(rotor["axis"], side)
+        around = np.linspace(0.0, 2.0 * np.pi, 16)[:, None]
+        parts.extend(rotor["position"] + np.cos(around) * side + np.sin(around) * front)
     seen = in_picture(np.vstack([positions + rotations @ np.array(part) for part in parts]), camera, size)
     assert 0.6 < np.abs(seen).max() < 1.0
     if turned[1]:

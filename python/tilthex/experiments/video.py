@@ -79,7 +79,9 @@ def camera(
     across = math.tan(0.5 * FIELD_OF_VIEW) * np.array([size[1] / size[0], 1.0])
     rotors = [positions + rotations @ np.array(rotor["position"]) for rotor in vehicle.rotors]
     points = np.vstack([tools, *rotors]) - seen.lookat
-    wide = np.abs(points @ np.column_stack([right, np.cross(right, forward)])) + ROTOR_RADIUS
+    # The planes of the frustum touch the spheres around the rotors.
+    around = ROTOR_RADIUS * np.hypot(1.0, across)
+    wide = np.abs(points @ np.column_stack([right, np.cross(right, forward)])) + around
     seen.distance = np.max(wide / across - (points @ forward)[:, None])
     return seen
 
