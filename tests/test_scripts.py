@@ -276,11 +276,10 @@ def test_the_doctor_is_that_of_the_program(monkeypatch, tmp_path, capfd):
     assert end.value.code == 3 and capfd.readouterr().out == "doctor --port /dev/ttyUSB0 --help\n"
 
 
-def on_a_terminal(*arguments, **environment):
+def on_a_terminal(*call, **environment):
     """What a command prints on a terminal."""
     ours, theirs = pty.openpty()
     with os.fdopen(ours, "rb", buffering=0) as terminal:
-        call = [sys.executable, "-m", "tilthex", *map(str, arguments)]
         process = subprocess.Popen(call, stdout=theirs, stderr=theirs, env=os.environ | environment)
         os.close(theirs)
         printed = b""
@@ -302,9 +301,17 @@ def on_a_terminal(*arguments, **environment):
 )
 def test_colours_are_for_terminals(arguments, coloured):
     plain = re.sub(r"\x1b\[\d*m", "", coloured)
-    assert coloured in on_a_terminal(*arguments, NO_COLOR="")
-    without = on_a_terminal(*arguments, NO_COLOR="1")
     call = [sys.executable, "-m", "tilthex", *map(str, arguments)]
+    assert coloured in on_a_terminal(*call, NO_COLOR="")
+    without = on_a_terminal(*call, NO_COLOR="1")
     piped = subprocess.run(call, capture_output=True, text=True)
     for printed in (without, piped.stdout + piped.stderr):
         assert plain in printed and "\x1b" not in printed
+
+
+def test_a_campaign_shows_its_progress_only_on_a_terminal():
+    call = [_programs.program("tilthex-rt"), "campaign", "--number", "3", "--seed", "7"]
+    shown = on_a_terminal(*call)
+    table = subprocess.run(call, capture_output=True, text=True).stdout
+    assert "\r" not in table
+    assert shown == f"\r1 of 3 flights\r2 of 3 flights\r3 of 3 flights\r\x1b[K{table}"

@@ -1,6 +1,6 @@
 //! The fault campaign itself: its flights are reproducible, and its judge is awake.
 
-use std::path::Path;
+use std::{path::Path, sync::Mutex};
 
 use proptest::prelude::*;
 use tilthex_config::{Config, TruthSection};
@@ -217,7 +217,10 @@ fn merged_parts_are_the_whole() {
     let exact = TruthSection::named("exact").expect("a level");
     let kinds = [Kind::BitFlips, Kind::RotorStuck, Kind::CaptureLost];
     let fly = |kinds: &[Kind], count, first| {
-        let summary = campaign::run(&config, &exact, kinds, count, first).expect("it flies");
+        let told = Mutex::new(vec![]);
+        let tell = |ended| told.lock().expect("no panic").push(ended);
+        let summary = campaign::run(&config, &exact, kinds, count, first, &tell).expect("it flies");
+        assert!(told.into_inner().expect("no panic").into_iter().eq(1..=count));
         Part::new(&config, &exact, kinds, count, first, summary)
     };
     let whole = fly(&kinds, SEEDS, FIRST);

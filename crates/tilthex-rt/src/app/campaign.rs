@@ -10,7 +10,7 @@ use clap::Subcommand;
 use tilthex_config::{Config, TruthSection, orders};
 use tilthex_sim::campaign::{self, Kind, Part, Summary};
 
-use super::args;
+use super::{args, status};
 use crate::{Failure, output};
 
 /// Largest number of failures of a campaign that are shown one by one.
@@ -69,7 +69,16 @@ pub(super) fn fly(flights: &Flights) -> Result<(), Failure> {
     if number == 1 && flights.save.is_none() {
         return tell(&config, &truth, kinds, seed);
     }
-    let summary = campaign::run(&config, &truth, kinds, number, seed)?;
+    let tell_progress = |ended| {
+        if output::is_terminal() {
+            output::text(format!("\r{ended} of {number} flights"));
+        }
+    };
+    let summary = campaign::run(&config, &truth, kinds, number, seed, &tell_progress);
+    output::text(status::clear().into());
+    // The table is printed past the queue.
+    output::settle();
+    let summary = summary?;
     let part = Part::new(&config, &truth, kinds, number, seed, summary);
     finish(flights.save.as_deref(), &part)
 }

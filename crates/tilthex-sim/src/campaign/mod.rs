@@ -156,7 +156,8 @@ impl Fleet<'_> {
 }
 
 /// Flies `count` flights with the seeds from `first` on, with faults of the given kinds, on all processors. If the
-/// truth differs from the model, each flight has its own vehicle.
+/// truth differs from the model, each flight has its own vehicle. After each flight, `told` gets the number of flights
+/// that have ended.
 ///
 /// # Errors
 /// If the vehicle cannot reach its mission without faults.
@@ -166,11 +167,12 @@ pub fn run(
     kinds: &[Kind],
     count: u64,
     first: u64,
+    told: &(dyn Fn(u64) + Sync),
 ) -> Result<Summary, SimError> {
     let fleet = Fleet::new(config, truth)?;
     fleet.ground(first)?;
     let hovering = fleet.shared()?;
-    let (next, summary) = (AtomicU64::new(first), Mutex::new(Summary::default()));
+    let (next, summary) = (AtomicU64::new(first), Mutex::new((0, Summary::default())));
     let worker = |hovering: Option<World>| {
         loop {
             let seed = next.fetch_add(1, Ordering::Relaxed);
@@ -178,7 +180,10 @@ pub fn run(
                 return;
             }
             let outcome = one(&fleet, hovering.as_ref(), kinds, seed, &mut |_| ());
-            summary.lock().unwrap_or_else(PoisonError::into_inner).add(seed, &outcome);
+            let (ended, summary) = &mut *summary.lock().unwrap_or_else(PoisonError::into_inner);
+            summary.add(seed, &outcome);
+            *ended += 1;
+            told(*ended);
         }
     };
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -198,7 +203,7 @@ pub fn run(
             "no thread could be created for the flights; expected at least one: free some memory",
         ));
     }
-    Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner))
+    Ok(summary.into_inner().unwrap_or_else(PoisonError::into_inner).1)
 }
 
 /// Flies the flight of one seed again, and returns what happened in it.
