@@ -103,7 +103,7 @@ python-test: install
 	python -m pytest -m "not real_time" -n 2 --dist loadfile
 	python -m pytest -m real_time -n 2 --dist loadfile --reruns 2 --only-rerun '$(STALLED)' -rR
 
-# The pages of tilthex view in a headless Chromium; TILTHEX_WRITE_DOCS=1 takes the picture of docs/howto/view.md.
+# The pages of tilthex view in a headless Chromium; TILTHEX_WRITE_DOCS=1 takes the pictures of docs/howto/view.md.
 .PHONY: browser-test
 browser-test: install
 	TILTHEX_BROWSER=1 python -m pytest -m real_time tests/test_view_flight.py tests/test_view_hand.py --reruns 2 \

@@ -91,6 +91,14 @@ class Tab:
         yield
         mouse("mouseReleased", 1.0)
 
+    def drawn(self, path):
+        """Takes a picture of a page of `tilthex view` when it is drawn, without messages."""
+        self.wait("document.querySelectorAll('.uplot canvas').length >= 5")
+        close = "document.querySelectorAll('.mantine-Notification-closeButton')"
+        self.run(f"{close}.forEach(button => button.click())")
+        time.sleep(3.0)
+        self.picture(path)
+
     def picture(self, path):
         path.write_bytes(base64.b64decode(self.command("Page.captureScreenshot", format="png")["data"]))
 

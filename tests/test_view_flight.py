@@ -2,6 +2,8 @@
 
 import contextlib
 import os
+import re
+import shutil
 import socket
 import threading
 import time
@@ -11,9 +13,11 @@ import chromium
 import numpy as np
 import pytest
 import tilthex
-from test_programs import program, until
+from PIL import Image
+from test_programs import control_port, program, started, until, vehicle
 from tilthex import __main__ as command
 from tilthex import _control, log
+from tilthex._programs import free_port
 
 pytest.importorskip("viser", reason="viser is not installed: the page is not tested")
 
@@ -24,6 +28,8 @@ from tilthex.view.replay import Replay
 from tilthex.view.sample import TOPICS, Flown, Pose
 
 pytestmark = pytest.mark.real_time
+
+PHASE = "(document.getElementById('tilthex-phase') || {}).innerText"
 
 
 @pytest.fixture(scope="module")
@@ -73,22 +79,52 @@ def test_what_cannot_be_shown_is_one_sentence(arguments, tmp_path, monkeypatch, 
     assert len(said.splitlines()) == 1 and arguments[0] in said
 
 
+def documented(picture):
+    """Makes a picture that of docs/howto/view.md, if somebody asks for it."""
+    if os.environ.get("TILTHEX_WRITE_DOCS"):
+        shutil.copy(picture, Path(__file__).parent.parent / "docs" / "images")
+
+
+def test_a_browser_shows_a_log(served, flown, tmp_path):
+    chromium.browser()
+    picture = tmp_path / "view-log.png"
+    replay = Replay(served, flown, "flight.mcap")
+    landing = next(at for at, what in flown.events() if what == "landing")
+    with chromium.opened(f"http://127.0.0.1:{served.get_port()}/", tmp_path / "profile") as tab:
+        tab.wait(f"{PHASE} == 'disarmed'")
+        replay.slider.value = landing - 0.5
+        tab.wait(f"{PHASE} == 'flying'")
+        tab.drawn(picture)
+        replay.slider.value = landing + 0.1
+        tab.wait(f"{PHASE} == 'landing'")
+    documented(picture)
+
+
+@contextlib.contextmanager
+def shown(served, port, push_port=None):
+    """The page of the flight at a port, and what it told the operator."""
+    ended, told = threading.Event(), []
+    page = Live(served, _control.connector(f"127.0.0.1:{port}", None), "sim", push_port)
+    tell = page.page.tell
+    page.page.tell = lambda title, text: (told.append(title), tell(title, text))
+    thread = threading.Thread(target=page.run, args=(ended,))
+    thread.start()
+    try:
+        yield page, told
+    finally:
+        ended.set()
+        thread.join()
+
+
 @contextlib.contextmanager
 def live(served, *arguments):
     """The page of a simulated flight: its page, its port, and what it told the operator."""
     program("tilthex-rt")
-    ended, told = threading.Event(), []
-    with simulated.flight(list(map(str, arguments))) as (port, push_port):
-        page = Live(served, _control.connector(f"127.0.0.1:{port}", None), "sim", push_port)
-        tell = page.page.tell
-        page.page.tell = lambda title, text: (told.append(title), tell(title, text))
-        thread = threading.Thread(target=page.run, args=(ended,))
-        thread.start()
-        try:
-            yield page, port, told
-        finally:
-            ended.set()
-            thread.join()
+    with (
+        simulated.flight(list(map(str, arguments))) as (port, push_port),
+        shown(served, port, push_port) as (page, told),
+    ):
+        yield page, port, told
 
 
 def taken(port):
@@ -152,21 +188,23 @@ def test_a_flight_of_another_vehicle_is_not_shown(tmp_path):
             assert pilot.config.vehicle == tilthex.Vehicle.preset("tilt-hex")
 
 
+# A browser without a graphics card may be too slow for an operator.
+SLOW_BROWSER = '[vehicle]\npreset = "tilt-hex"\n[supervisor]\noperator_timeout = 60.0\n'
+
+
 def test_a_flight_is_steered_in_a_browser(served, tmp_path):
     chromium.browser()
     path, settings = tmp_path / "flight.mcap", tmp_path / "config.toml"
-    # A browser without a graphics card may be too slow for an operator.
-    settings.write_text('[vehicle]\npreset = "tilt-hex"\n[supervisor]\noperator_timeout = 60.0\n')
+    settings.write_text(SLOW_BROWSER)
     address = f"http://127.0.0.1:{served.get_port()}/"
-    phase = "(document.getElementById('tilthex-phase') || {}).innerText"
     with (
         live(served, "--config", settings, "--log", path) as (page, _, told),
         chromium.opened(address, tmp_path / "profile") as tab,
     ):
-        tab.wait(f"{phase} == 'disarmed'")
+        tab.wait(f"{PHASE} == 'disarmed'")
         until(page.presence)
         tab.click("take off")
-        tab.wait(f"{phase} == 'flying'")
+        tab.wait(f"{PHASE} == 'flying'")
         until(lambda: page.pilot.newest.compliant)
         start = page.pilot.newest.setpoint
         goal = start.position + np.array([0.1, 0.0, 0.1])
@@ -174,10 +212,6 @@ def test_a_flight_is_steered_in_a_browser(served, tmp_path):
         tab.click("go to the gizmo")
         until(lambda: np.allclose(page.pilot.newest.setpoint.position, goal, atol=1e-3))
         tab.click("hold")
-        if os.environ.get("TILTHEX_WRITE_DOCS"):
-            tab.run("document.querySelectorAll('.mantine-Notification-closeButton').forEach(b => b.click())")
-            time.sleep(20.0)
-            tab.picture(Path(__file__).parent.parent / "docs" / "images" / "view.png")
         page.hand.pull(np.array([1.4, 0.0, 0.0]))
         until(lambda: page.pilot.newest.reference.position[0] > goal[0] + 0.1)
         assert page.pilot.newest.force[0] > 1.0
@@ -186,11 +220,67 @@ def test_a_flight_is_steered_in_a_browser(served, tmp_path):
         tab.command("Page.navigate", url="about:blank")
         until(lambda: not page.presence())
         tab.command("Page.navigate", url=address)
-        tab.wait(f"{phase} == 'flying'")
+        tab.wait(f"{PHASE} == 'flying'")
         until(page.presence)
         tab.press("K", modifiers=8)
         until(lambda: "the flight has ended" in told or "the flight is gone" in told)
     assert any(message.kill for _, message in log.Log(path).messages("/input"))
+
+
+PUSHES = """
+[[push]]
+at = 14.0
+duration = 4.0
+force = [1.5, 0.0, -1.0]
+[[push]]
+at = 22.0
+duration = 4.0
+force = [0.0, 1.5, 0.0]
+torque = [0.0, 0.0, 0.4]
+[[push]]
+at = 30.0
+duration = 90.0
+force = [1.6, 1.6, -1.0]
+torque = [-0.4, -0.4, -0.3]
+"""
+# The hues of the arrows in the light of the scene, of 256.
+ARROWS = {"force": (4, 20), "torque": (188, 215)}
+
+
+def test_a_browser_shows_the_wrench_in_flight(served, tmp_path):
+    chromium.browser()
+    settings, pushes, picture = (tmp_path / name for name in ("config.toml", "push.toml", "view.png"))
+    settings.write_text(SLOW_BROWSER)
+    pushes.write_text(PUSHES)
+    # Through a socket: on a busy computer the kernel moves the bytes of a pseudo-terminal too late.
+    line, poses = tmp_path / "line", f"natnet://127.0.0.1:{free_port()}/TILTHEX"
+    flying = ["--port", f"unix:{line}", "--mocap", poses, "--config", settings, "--no-battery-limits"]
+    with (
+        vehicle("--socket", line, "--mocap", poses, "--pushes", pushes),
+        started(*flying, "--control", "127.0.0.1:0") as process,
+        shown(served, control_port(process)) as (page, told),
+    ):
+        until(lambda: page.pilot.newest is not None)
+        page.pilot.order("take off", lambda flight: flight.take_off())
+        # The last push; the browser comes late, because its drawing disturbs the flight.
+        until(lambda: np.linalg.norm(page.pilot.newest.torque) > 0.5)
+        served.initial_camera.position, served.initial_camera.look_at = (1.1, -1.0, 1.0), (0.25, 0.1, 0.6)
+        with chromium.opened(f"http://127.0.0.1:{served.get_port()}/", tmp_path / "profile") as tab:
+            tab.wait(r"/tool wrench\s+2/.test((document.body || {}).innerText)")
+            tab.drawn(picture)
+            sample, text = page.pilot.newest, tab.text()
+    assert sample.phase == "flying" and sample.compliant and not told
+    assert np.allclose(sample.force, [1.6, 1.6, -1.0], atol=0.3)
+    assert np.allclose(sample.torque, [-0.4, -0.4, -0.3], atol=0.1)
+    assert "flying" in text and re.search(r"contact moves the tool\s+yes", text)
+    with Image.open(picture) as image:
+        scene = image.convert("RGB").crop((350, 0, 950, 800)).convert("HSV")
+    hue, saturation, _ = np.moveaxis(np.asarray(scene), 2, 0)
+    # The axes have more saturation, and the discs of the rotors less.
+    arrows = (saturation > 70) & (saturation < 200)
+    for arrow, (least, most) in ARROWS.items():
+        assert int((arrows & (hue >= least) & (hue <= most)).sum()) > 100, arrow
+    documented(picture)
 
 
 def test_an_operator_who_is_away_is_not_heard():
