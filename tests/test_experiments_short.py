@@ -77,6 +77,7 @@ def test_a_flight_that_is_thrown_away_falls_short(
         (["sliding", "--random", "3"], "--random needs an experiment with random cases; sliding has none"),
         (["peg-in-hole", "--case", "3"], "--random"),
         (["sliding", "--set", "world.friction"], "--set world.friction"),
+        (["sliding", "--set", "vehicle=hexarotor"], "a text has quotes: 'vehicle=\"hexarotor\"'"),
     ],
 )
 def test_wrong_use_is_refused_in_one_sentence(arguments: list[str], said: str, tmp_path: Path) -> None:

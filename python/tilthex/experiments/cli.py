@@ -141,7 +141,8 @@ def changes(arguments: argparse.Namespace) -> dict[str, Any]:
 
     result: dict[str, Any] = {}
     for item in arguments.set:
-        result = merge(result, read_toml(item, f"--set {item} (expected KEY=VALUE as in TOML)"))
+        where = f"--set {item} (expected KEY=VALUE as in TOML; a text has quotes: 'vehicle=\"hexarotor\"')"
+        result = merge(result, read_toml(item, where))
     for key in ("vehicle", "truth", "calibration", "seed"):
         if getattr(arguments, key) is not None:
             result[key] = getattr(arguments, key)
