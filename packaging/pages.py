@@ -271,13 +271,17 @@ def lay_out(stage: Path, keep: bool, rust: bool) -> None:
 
 
 def _add_videos(page: Path) -> None:
-    """Shows the videos that `make gallery` has made."""
+    """Shows the videos that `make gallery` has made, under the titles of their experiments."""
     lines = [page.read_text(encoding="utf-8")]
-    for video in sorted(VIDEOS.glob("*.gif")):
-        name = video.stem.replace("-", " ")
-        lines += [f"## {name}", "", f"![{name}](videos/{video.name})", ""]
-        (page.parent / "videos").mkdir(exist_ok=True)
-        shutil.copy(video, page.parent / "videos")
+    for experiment in sorted((ROOT / "python" / "tilthex" / "experiments").glob("*.toml")):
+        videos = sorted(VIDEOS.glob(f"{experiment.stem}-*.gif"))
+        if videos:
+            title = tomllib.loads(experiment.read_text(encoding="utf-8"))["title"]
+            lines += [f"## {title}", "", f"`tilthex experiment {experiment.stem} --short --video`", ""]
+        for video in videos:
+            lines += [f"![{title}](videos/{video.name})", ""]
+            (page.parent / "videos").mkdir(exist_ok=True)
+            shutil.copy(video, page.parent / "videos")
     _write(page, "\n".join(lines))
 
 

@@ -102,3 +102,22 @@ def test_exit_statuses_are_those_of_the_program():
 )
 def test_lists_have_the_indentation_of_the_generator(written, shown):
     assert site.indented(written) == shown
+
+
+def test_the_gallery_shows_the_videos_under_the_titles_of_their_experiments(tmp_path, monkeypatch):
+    made, page = tmp_path / "made", tmp_path / "gallery.md"
+    made.mkdir()
+    for name in ("sliding-K-y-2.5.gif", "peg-in-hole-soft-wrist.gif"):
+        (made / name).write_bytes(b"film")
+    page.write_text("# Gallery\n")
+    monkeypatch.setattr(site, "VIDEOS", made)
+    site._add_videos(page)
+    lines = [line for line in page.read_text().splitlines() if line.startswith(("#", "!"))]
+    assert lines == [
+        "# Gallery",
+        "## Peg in hole",
+        "![Peg in hole](videos/peg-in-hole-soft-wrist.gif)",
+        "## Sliding on a tilted board",
+        "![Sliding on a tilted board](videos/sliding-K-y-2.5.gif)",
+    ]
+    assert (tmp_path / "videos" / "sliding-K-y-2.5.gif").read_bytes() == b"film"
