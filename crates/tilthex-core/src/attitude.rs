@@ -275,7 +275,9 @@ impl AttitudeSelector {
         let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
-        let kept = |turn: &Vector3| so3::angle(&(hover * so3::exp(turn))) <= self.params.max_turn;
+        // The trace of the rotation from that attitude.
+        let least = 1.0 + 2.0 * libm::cos(self.params.max_turn);
+        let kept = |turn: &Vector3| hover.transpose().dot(&so3::exp(turn)) >= least;
         let all = Vector3::new(force_w.x, force_w.y, vertical);
         let whole = if all == *force_w { whole } else { turn(&all) };
         if let Some(t) = whole.filter(kept) {
@@ -344,10 +346,10 @@ impl AttitudeSelector {
 }
 
 /// The largest allowed step below [`STEPS`], and its turn; that of step 0 is known. The step of
-/// the last call is tried first, then steps farther and farther from it, then halves.
+/// the last call is tried first, then steps farther and farther from it, then halves; without a last step, halves only.
 fn largest(last: u16, at_none: Vector3, mut allowed: impl FnMut(u16) -> Option<Vector3>) -> (Vector3, u16) {
     let (mut best, mut low, mut high) = (at_none, 0, STEPS);
-    let (mut next, mut reach) = (last, 1);
+    let (mut next, mut reach) = (last, if last == 0 { STEPS } else { 1 });
     while high - low > 1 {
         if next <= low || next >= high {
             next = low + (high - low) / 2;
