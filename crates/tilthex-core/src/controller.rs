@@ -1,6 +1,7 @@
 //! One tick of the paper's figure 5, without the estimator: observer,
 //! admittance filter, pose controller, compensation, allocation.
 
+mod gains;
 mod signals;
 
 use crate::{
@@ -158,19 +159,6 @@ impl Controller {
         self.params.admittance = *filter.params();
         self.firm = self.firm.reaching(filter.params());
         self.admittance = filter;
-    }
-
-    /// The same laws with other gains of pose controller and observer.
-    ///
-    /// # Errors
-    /// The first gain that a block refuses.
-    pub fn with_gains(&self, pose: PoseGains, observer: ObserverGains) -> Result<Self, Error> {
-        Ok(Self {
-            pose: PoseController::new(pose)?,
-            observer: WrenchObserver::new(&self.vehicle, observer)?,
-            params: ControllerParams { pose, observer, ..self.params },
-            ..*self
-        })
     }
 
     /// The same laws for a vehicle whose model has been corrected.

@@ -80,7 +80,8 @@ fn slowest_tick(controller: &Controller, count: usize) -> f64 {
             lost_rotors: 0,
             fixed_attitude: false,
         };
-        let (time, next) = timed(&state, &input);
+        let (_, next) = timed(&state, &input);
+        let time = (0..3).map(|_| timed(&state, &input).0).min().unwrap_or_default();
         if slowest.len() < 100 || slowest.last().is_some_and(|(least, ..)| time > *least) {
             slowest.push((time, state, input));
             slowest.sort_by_key(|tick| std::cmp::Reverse(tick.0));

@@ -148,6 +148,14 @@ fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
         assert_eq!(outcome.failure, None, "{rotor}: {outcome:?}");
         assert!(outcome.ended && !outcome.toppled, "{rotor}: {outcome:?}");
     }
+    // A motor that itself says that it has stopped is believed.
+    for rotor in 0..6 {
+        let frozen = fault(Kind::ImuFrozen, 0.93, 1.0, 0.5, 0);
+        let stopped = fault(Kind::MotorEmergency, 1.0, 0.6, 0.5, rotor);
+        let outcome = campaign::fly(world.clone(), vec![frozen, stopped], 100);
+        assert_eq!(outcome.failure, None, "{rotor}: {outcome:?}");
+        assert!(!outcome.toppled, "{rotor}: {outcome:?}");
+    }
     let frozen = fault(Kind::ImuFrozen, 0.8775960566237254, 0.7285766965964035, 0.10399596276051604, 24);
     let zero = fault(Kind::TelemetryZero, 1.005862695348532, 0.17691847344051576, 0.5681027679608214, 3);
     let early = fault(Kind::ImuFrozen, 0.09672116760268201, 0.40087822551766217, 0.7462576474237289, 27);

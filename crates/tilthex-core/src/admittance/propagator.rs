@@ -12,7 +12,7 @@ use core::ops::{Add, Mul};
 
 /// A 6x6 matrix; one that is diagonal is kept as its diagonal, and costs a sixth.
 pub(super) trait Block: Copy + Add<Output = Self> + Mul<f64, Output = Self> {
-    /// Whether translation and rotation may act on each other.
+    /// Whether an axis may act on another; if not, all matrices are diagonal.
     const COUPLED: bool;
     fn zero() -> Self;
     fn one() -> Self;

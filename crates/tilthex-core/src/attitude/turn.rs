@@ -18,7 +18,7 @@ const SHARE: f64 = 0.5;
 const BRAKING: f64 = 0.5;
 /// If the wanted attitude is this far, rad, from the one that its angular velocity predicts, it has jumped.
 const JUMP: f64 = 0.08;
-/// Trace of a rotation by it: 1 + 2 cos(JUMP).
+/// Trace of a rotation by it: 1 + 2 cos(JUMP), up to JUMP^6.
 const JUMP_TRACE: f64 = 3.0 - JUMP * JUMP + JUMP * JUMP * JUMP * JUMP / 12.0;
 /// Largest product of bandwidth and period; a slower filter above it stays stable.
 const LARGEST_STEP: f64 = 0.2;

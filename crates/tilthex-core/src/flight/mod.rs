@@ -266,7 +266,7 @@ impl Flight {
         let sampled = input.telemetry.inertial.samples().last().map_or(now, |s| s.time.min(now));
         let mut rotor_speeds = self.rotor_model.speeds(input.telemetry.motors(), now, sampled);
         if self.stops_unseen() {
-            rotor_speeds = self.rotor_model.turning(&rotor_speeds);
+            rotor_speeds = self.rotor_model.turning(input.telemetry.motors(), &rotor_speeds);
         }
         let before = self.robot_state();
         self.estimate(input, &rotor_speeds, dt);
@@ -289,7 +289,7 @@ impl Flight {
         let motors = input.telemetry.motors();
         let own = motors.iter().enumerate().fold(0, |set, (i, m)| set | u16::from(m.emergency) << i);
         let still = self.rotor_model.stopped(motors, input.time);
-        let lifting = if self.stops_unseen() { u16::MAX } else { self.lifting };
+        let lifting = (!self.stops_unseen()).then_some(self.lifting);
         let stopped = self.stopped.step(still, own, lifting, dt);
         self.rotor_model.set_doubted(self.stopped.doubted());
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);

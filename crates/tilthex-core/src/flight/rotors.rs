@@ -152,17 +152,18 @@ impl RotorModel {
         (wrong & !self.doubted).count_ones() as usize
     }
 
-    /// Rotor speeds, Hz, while a model replaces the IMU: a rotor that reports a stop counts as turning. Without an IMU nothing
-    /// shows whether it lifts, and a model that believes a false report turns the vehicle over within 0.1 s.
+    /// Rotor speeds, Hz, while a model replaces the IMU: a rotor that measures standstill counts as turning, unless its motor
+    /// says that it has stopped. Without an IMU nothing shows whether it lifts, and a model that believes a false measurement
+    /// turns the vehicle over within 0.1 s.
     #[must_use]
-    pub(super) fn turning(&self, speeds: &RotorVector) -> RotorVector {
-        let expected = self.expected();
-        speeds.zip_map(
-            &expected,
-            |speed, expected| {
-                if fabs(speed) < STOPPED * fabs(expected) { expected } else { speed }
-            },
-        )
+    pub(super) fn turning(&self, motors: &[Motor], speeds: &RotorVector) -> RotorVector {
+        let (expected, mut turning) = (self.expected(), *speeds);
+        for (i, motor) in motors.iter().enumerate().take(turning.len()) {
+            if !motor.emergency && fabs(turning[i]) < STOPPED * fabs(expected[i]) {
+                turning[i] = expected[i];
+            }
+        }
+        turning
     }
 
     /// Bit `i` is set if motor `i` (from 0) measures standstill. If half of the motors do, the commands do not

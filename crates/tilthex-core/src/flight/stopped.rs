@@ -11,6 +11,8 @@ pub(super) struct StoppedWatch {
     since: [f64; MAX_ROTORS],
     restored: [f64; MAX_ROTORS],
     doubted: u16,
+    /// The motors that are not trusted although nothing showed that their rotors lift.
+    unseen: u16,
 }
 
 impl StoppedWatch {
@@ -19,9 +21,17 @@ impl StoppedWatch {
         self.doubted
     }
 
-    /// One tick, with the motors that measure standstill, those that report a stop, and the rotors that still lift.
+    /// One tick, with the motors that measure standstill, those that report a stop, and the rotors that still lift; `None` if
+    /// nothing shows whether they do: then they are doubted, until something shows it.
     /// Bit `i` of the result is set if motor `i` has stopped.
-    pub(super) fn step(&mut self, measured: u16, own: u16, lifting: u16, dt: f64) -> u16 {
+    pub(super) fn step(&mut self, measured: u16, own: u16, lifting: Option<u16>, dt: f64) -> u16 {
+        if lifting.is_some() && self.unseen != 0 {
+            for (i, since) in self.since.iter_mut().enumerate().filter(|(i, _)| self.unseen >> i & 1 == 1) {
+                *since = 0.0;
+                self.doubted &= !(1 << i);
+            }
+            self.unseen = 0;
+        }
         if measured == 0 && self.doubted == 0 {
             self.since = [0.0; MAX_ROTORS];
             return 0;
@@ -42,8 +52,12 @@ impl StoppedWatch {
             *since += dt;
             if own & bit != 0 {
                 self.doubted &= !bit;
-            } else if before <= STOPPED_AFTER && *since > STOPPED_AFTER && lifting & bit != 0 {
+            } else if before <= STOPPED_AFTER
+                && *since > STOPPED_AFTER
+                && lifting.is_none_or(|lifting| lifting & bit != 0)
+            {
                 self.doubted |= bit;
+                self.unseen |= if lifting.is_none() { bit } else { 0 };
             }
             if (own & bit != 0 || *since > STOPPED_AFTER) && self.doubted & bit == 0 {
                 stopped |= bit;
@@ -61,7 +75,7 @@ mod tests {
     fn what_lifts_has_not_stopped_and_what_turns_again_is_believed() {
         let mut watch = StoppedWatch::default();
         let mut run =
-            |measured, own, lifting| (0..100).map(|_| watch.step(measured, own, lifting, 2e-3)).last();
+            |measured, own, lifting| (0..100).map(|_| watch.step(measured, own, Some(lifting), 2e-3)).last();
         assert_eq!(run(0b10, 0, 0), Some(0b10));
         assert_eq!(run(0, 0, 0), Some(0));
         assert_eq!(run(0b10, 0, 0b10), Some(0));
@@ -71,5 +85,18 @@ mod tests {
         assert_eq!(run(0, 0, 0), Some(0));
         assert_eq!(run(0, 0, 0), Some(0));
         assert_eq!(run(0b10, 0, 0), Some(0b10));
+    }
+
+    #[test]
+    fn a_stop_that_nothing_shows_is_judged_as_soon_as_something_does() {
+        for (lifting, stopped) in [(0, 0b10), (0b10, 0)] {
+            let mut watch = StoppedWatch::default();
+            let mut run = |lifting| (0..100).map(|_| watch.step(0b10, 0, lifting, 2e-3)).last();
+            assert_eq!(run(None), Some(0));
+            assert_eq!(run(Some(lifting)), Some(stopped));
+        }
+        // What the motor itself says needs no IMU.
+        let mut watch = StoppedWatch::default();
+        assert_eq!(watch.step(0b10, 0b10, None, 2e-3), 0b10);
     }
 }
