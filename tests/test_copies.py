@@ -24,6 +24,15 @@ def test_a_copy_is_equal_to_the_last_bit(name, part, gain):
     assert config.vehicle == vehicle
 
 
+def test_a_configuration_is_its_values():
+    config = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    changed = config.replace(wrench_observer={"force_gain": 12.5}, admittance={"stiffness": [7.0] * 6})
+    values = changed.to_dict()
+    assert values["wrench_observer"]["force_gain"] == [12.5] * 3
+    assert values["admittance"]["stiffness"] == [7.0] * 6
+    assert config.replace(**values) == changed and changed.replace(**config.to_dict()) == config
+
+
 def test_what_differs_is_not_equal():
     vehicle = tilthex.Vehicle.preset("tilt-hex")
     heavier = vehicle.replace(mass=vehicle.mass + 1e-9)

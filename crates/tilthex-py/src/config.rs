@@ -49,6 +49,12 @@ impl Config {
         self.checked.to_toml()
     }
 
+    /// The values of all keys: a dict for each section, with the names and units of `to_toml`. Numbers are `float` or `int`,
+    /// matrices are lists of rows. Sections of it can be given to `replace`.
+    fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        py.import("tilthex._toml")?.getattr("tomllib")?.call_method1("loads", (self.checked.to_toml(),))
+    }
+
     /// Its vehicle.
     #[getter]
     fn vehicle(&self) -> Vehicle {

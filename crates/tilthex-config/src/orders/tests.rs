@@ -173,6 +173,10 @@ fn a_trajectory_file() {
     assert_eq!(route.waypoints().len(), 2);
     assert_eq!(route.limits().velocity, 0.1);
     assert_eq!(route.limits().acceleration, LIMITS.acceleration);
+    let page = include_str!("../../../../docs/protocols.md");
+    let example =
+        page.split("```toml\n").nth(1).and_then(|rest| rest.split("```").next()).expect("an example");
+    assert_eq!(read(example).expect("valid").waypoints().len(), 2);
     let error = |text: &str| read(text).expect_err("refused");
     assert!(
         error("[[waypoint]]\nposition = [0, 0, 1]\nholds = 1\n").contains("line 3: unknown field `holds`")
