@@ -141,7 +141,7 @@ impl AdmittanceFilter {
             Law::Full(Linear::new(params.mass, mass_inverse, damping_rate, stiffness_rate, fastest))
         };
         let spring = Spring::new(&params.stiffness);
-        Ok(Self { params, spring, law, least_trace: least_trace(params.max_rotation) })
+        Ok(Self { params, spring, law, least_trace: so3::trace(params.max_rotation) })
     }
 
     /// The filter of [`AdmittanceParams::firm`] with the excursion limits of a filter that may yield farther. It
@@ -150,7 +150,7 @@ impl AdmittanceFilter {
     pub(crate) fn reaching(mut self, yielding: &AdmittanceParams) -> Self {
         let AdmittanceParams { max_translation, max_rotation, .. } = AdmittanceParams::firm(yielding);
         (self.params.max_translation, self.params.max_rotation) = (max_translation, max_rotation);
-        self.least_trace = least_trace(max_rotation);
+        self.least_trace = so3::trace(max_rotation);
         self
     }
 
@@ -280,11 +280,6 @@ impl AdmittanceFilter {
         }
         [translation, rotation]
     }
-}
-
-/// Trace of a rotation by an angle, rad: a smaller trace is a larger turn.
-fn least_trace(max_rotation: f64) -> f64 {
-    1.0 + 2.0 * libm::cos(max_rotation)
 }
 
 /// Limits a vector to the length `limit`; returns its direction if it was longer.

@@ -275,8 +275,8 @@ impl AttitudeSelector {
         let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
-        // The trace of the rotation from that attitude.
-        let least = 1.0 + 2.0 * libm::cos(self.params.max_turn);
+        let least = so3::trace(self.params.max_turn);
+        // `dot` is the trace of the rotation from the hover attitude.
         let kept = |turn: &Vector3| hover.transpose().dot(&so3::exp(turn)) >= least;
         let all = Vector3::new(force_w.x, force_w.y, vertical);
         let whole = if all == *force_w { whole } else { turn(&all) };

@@ -45,15 +45,21 @@ fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
 #[inline]
 pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
     if t2 < SMALL_ANGLE_SQUARED {
-        let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
-        let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0]);
-        let c = polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0]);
-        (a, b, c)
+        small_ratios(t2)
     } else {
         let t = sqrt(t2);
         let (s, h) = (sin(t), sin(0.5 * t));
         (s / t, 2.0 * h * h / t2, (t - s) / (t2 * t))
     }
+}
+
+/// The same for t^2 below [`SMALL_ANGLE_SQUARED`], as series.
+#[inline]
+pub(crate) fn small_ratios(t2: f64) -> (f64, f64, f64) {
+    let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
+    let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0]);
+    let c = polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0]);
+    (a, b, c)
 }
 
 /// t/sin(t) of sin(t)^2, for small angles: the series of the arc sine.
@@ -78,8 +84,14 @@ fn arc_ratio(s2: f64) -> f64 {
 #[must_use]
 pub fn exp(v: &Vector3) -> Matrix3 {
     let (a, b, _) = ratios(v.norm_squared());
+    rodrigues(v, a, b)
+}
+
+/// `I + a hat(v) + b hat(v)^2`. With a unit quaternion's vector, twice its scalar, and 2 it is the quaternion's rotation.
+#[inline]
+pub(crate) fn rodrigues(v: &Vector3, a: f64, b: f64) -> Matrix3 {
     let w = a * v;
-    // I + a hat(v) + b hat(v)^2, written out: the hot path of the estimator.
+    // Written out: the hot path of the estimator.
     let (xx, yy, zz) = (b * v.x * v.x, b * v.y * v.y, b * v.z * v.z);
     let (xy, xz, yz) = (b * v.x * v.y, b * v.x * v.z, b * v.y * v.z);
     Matrix3::new(
@@ -132,6 +144,12 @@ pub fn log(r: &Matrix3) -> Vector3 {
     let n = v.norm();
     // No rotation has n = 0 here.
     if n > 0.0 { v * (2.0 * atan2(n, w) / n) } else { v }
+}
+
+/// Trace of a rotation by an angle, rad: a smaller trace is a larger turn.
+#[must_use]
+pub(crate) fn trace(angle: f64) -> f64 {
+    1.0 + 2.0 * cos(angle)
 }
 
 /// Angle of the rotation, rad, in `[0, pi]`.
@@ -260,17 +278,7 @@ pub fn from_quaternion_xyzw(q: [f64; 4]) -> Option<Matrix3> {
         return None;
     }
     let s = 2.0 / n2;
-    Some(Matrix3::new(
-        1.0 - s * (y * y + z * z),
-        s * (x * y - z * w),
-        s * (x * z + y * w),
-        s * (x * y + z * w),
-        1.0 - s * (x * x + z * z),
-        s * (y * z - x * w),
-        s * (x * z - y * w),
-        s * (y * z + x * w),
-        1.0 - s * (x * x + y * y),
-    ))
+    Some(rodrigues(&Vector3::new(x, y, z), s * w, s))
 }
 
 /// Quaternion `(x, y, z, w)`, `w >= 0`, of a rotation matrix.

@@ -105,13 +105,9 @@ fn read(name: &str, object: &Bound<'_, PyAny>, expected: &[usize], out: &mut [f6
         let (found, expected) = (shape_text(shape), with_unit(name, &shape_text(expected)));
         return Err(PyValueError::new_err(format!("{name} has shape {found}; expected {expected}")));
     }
-    if let Some(numbers) = array.is_c_contiguous().then(|| array.to_vec().ok()).flatten() {
-        out.copy_from_slice(&numbers);
-    } else {
-        let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
-        for (to, from) in out.iter_mut().zip(view.as_array().iter()) {
-            *to = *from;
-        }
+    let view = array.try_readonly().map_err(|e| PyValueError::new_err(format!("{name}: {e}")))?;
+    for (to, from) in out.iter_mut().zip(view.as_array().iter()) {
+        *to = *from;
     }
     if out.iter().all(|x| x.is_finite()) { Ok(()) } else { Err(not_finite(name, out)) }
 }

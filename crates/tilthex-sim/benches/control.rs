@@ -7,7 +7,7 @@ use std::{
 };
 use tilthex_config::{Config, TruthSection, VehicleSection};
 use tilthex_core::{
-    GRAVITY, Matrix3, RobotState, Setpoint, Vector3,
+    GRAVITY, Matrix3, RobotState, Setpoint, Vector3, Vehicle,
     controller::{Controller, ControllerInput, ControllerState},
     plant::{Plant, SensorParams},
     random::Random,
@@ -23,22 +23,27 @@ fn tilt_hex() -> Config {
     Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"))
 }
 
-fn tick(c: &mut Criterion) {
-    let config = tilt_hex();
-    let vehicle = *config.vehicle().vehicle();
-    let controller = Controller::new(vehicle, *config.controller()).expect("checked");
-    let hover = Plant::new(vehicle).hover(Vector3::zeros());
-    let input = ControllerInput {
-        state: hover.robot,
+/// The input of a tick in a hover, with a small force to the side.
+fn hover(vehicle: &Vehicle) -> ControllerInput {
+    let state = Plant::new(*vehicle).hover(Vector3::zeros());
+    ControllerInput {
+        state: state.robot,
         specific_force_r: Vector3::new(0.1, 0.2, 9.8),
-        rotor_speeds: hover.rotor_speeds,
+        rotor_speeds: state.rotor_speeds,
         setpoint: Setpoint::hold(vehicle.tool().position_r, Matrix3::identity()),
         compliant: true,
         unyielding: None,
         learn_bias: false,
         lost_rotors: 0,
         fixed_attitude: false,
-    };
+    }
+}
+
+fn tick(c: &mut Criterion) {
+    let config = tilt_hex();
+    let vehicle = *config.vehicle().vehicle();
+    let controller = Controller::new(vehicle, *config.controller()).expect("checked");
+    let input = hover(&vehicle);
     println!("slowest of 1000000 random controller ticks: {:.1} us", slowest_tick(&controller, 1_000_000));
     let mut state = ControllerState::default();
     c.bench_function("controller tick", |b| {
@@ -59,8 +64,7 @@ fn slowest_tick(controller: &Controller, count: usize) -> f64 {
         black_box(controller.step(&mut state, black_box(input), PERIOD));
         (start.elapsed(), state)
     };
-    let vehicle = controller.vehicle();
-    let hover = Plant::new(*vehicle).hover(Vector3::zeros());
+    let hover = hover(controller.vehicle());
     for _ in 0..count {
         let size = 10f64.powf(3.0 * random.uniform() - 3.0);
         let rotation_wr = so3::exp(&random.normal3(size));
@@ -72,13 +76,7 @@ fn slowest_tick(controller: &Controller, count: usize) -> f64 {
                 angular_velocity_r: random.normal3(3.0 * size),
             },
             specific_force_r: rotation_wr.transpose() * Vector3::z() * GRAVITY + random.normal3(10.0 * size),
-            rotor_speeds: hover.rotor_speeds,
-            setpoint: Setpoint::hold(vehicle.tool().position_r, Matrix3::identity()),
-            compliant: true,
-            unyielding: None,
-            learn_bias: false,
-            lost_rotors: 0,
-            fixed_attitude: false,
+            ..hover
         };
         let (_, next) = timed(&state, &input);
         let time = (0..3).map(|_| timed(&state, &input).0).min().unwrap_or_default();

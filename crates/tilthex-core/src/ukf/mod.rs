@@ -34,7 +34,7 @@ pub use innovation::{Innovation, PoseNoise};
 pub use params::{InitialDeviation, ProcessNoise};
 
 use crate::{
-    Error,
+    Error, so3,
     types::{Matrix3, Vector3},
 };
 use matrix::{Column, LANES, N, Triangle};
@@ -309,9 +309,8 @@ impl Ukf {
         let mut pairs = Pairs::ZERO;
         let (mean, mid) = pairs.propagate(&state.mean, &factor, gyro_i, specific_force_i, dt);
         state.mean = mean;
-        // One Newton step to the nearest rotation, so that rounding errors do not accumulate.
-        let r = &state.mean.rotation_wi;
-        state.mean.rotation_wi = 1.5 * r - 0.5 * r * (r.transpose() * r);
+        // Rounding errors must not accumulate.
+        state.mean.rotation_wi = so3::unrounded(&state.mean.rotation_wi);
         moved::propagate(&mut state.covariance, &factor, &pairs, &mid, dt);
         self.add_noise(&mut state.covariance, dt);
         state.limit();

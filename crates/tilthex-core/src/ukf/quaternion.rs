@@ -16,26 +16,14 @@ pub(super) struct Quaternion {
     pub(super) v: Vector3,
 }
 
-/// `cos(h)` and `sin(h)/h` of `h^2`.
-#[inline]
-fn cosine_and_ratio<const SERIES: bool>(h2: f64) -> (f64, f64) {
-    if SERIES {
-        let c = 1.0 / 24.0 - h2 * (1.0 / 720.0 - h2 * (1.0 / 40_320.0));
-        let s = 1.0 / 120.0 - h2 * (1.0 / 5040.0 - h2 * (1.0 / 362_880.0));
-        (1.0 - h2 * (0.5 - h2 * c), 1.0 - h2 * (1.0 / 6.0 - h2 * s))
-    } else {
-        let (ratio, b, _) = so3::ratios(h2);
-        (1.0 - b * h2, ratio)
-    }
-}
-
 impl Quaternion {
     /// The rotation by a rotation vector, rad. If its angle is known to be below 0.2 rad, series suffice: without a branch,
     /// several rotations share vector instructions.
     #[inline]
     pub(super) fn exp<const SERIES: bool>(turn: &Vector3) -> Self {
-        let (w, ratio) = cosine_and_ratio::<SERIES>(0.25 * turn.norm_squared());
-        Self { w, v: 0.5 * ratio * turn }
+        let h2 = 0.25 * turn.norm_squared();
+        let (ratio, b, _) = if SERIES { so3::small_ratios(h2) } else { so3::ratios(h2) };
+        Self { w: 1.0 - b * h2, v: 0.5 * ratio * turn }
     }
 
     pub(super) fn inverse(&self) -> Self {
@@ -58,21 +46,7 @@ impl Quaternion {
     }
 
     pub(super) fn matrix(&self) -> Matrix3 {
-        let (v, d) = (&self.v, 2.0 * self.v);
-        let (xx, yy, zz) = (d.x * v.x, d.y * v.y, d.z * v.z);
-        let (xy, xz, yz) = (d.x * v.y, d.x * v.z, d.y * v.z);
-        let w = self.w * d;
-        Matrix3::new(
-            1.0 - yy - zz,
-            xy - w.z,
-            xz + w.y,
-            xy + w.z,
-            1.0 - xx - zz,
-            yz - w.x,
-            xz - w.y,
-            yz + w.x,
-            1.0 - xx - yy,
-        )
+        so3::rodrigues(&self.v, 2.0 * self.w, 2.0)
     }
 
     /// Rotation vector, rad, with an angle in `[0, pi]`. `SERIES` as for [`exp`](Self::exp).
