@@ -25,8 +25,8 @@ use tilthex_core::{
 
 /// Control period, s.
 pub const PERIOD: f64 = 0.002;
-/// Cycles of the body in a control period: two, as a vehicle has them, or one for a rigid body that nothing touches, whose
-/// steps are exact enough at twice the length (a test compares the two).
+/// Cycles of the body in a control period. The board of a vehicle has two. One is enough for a rigid body that nothing touches:
+/// a test compares one step with two of half its length.
 const CYCLES: usize = 2;
 const CYCLES_IN_FREE_AIR: usize = 1;
 /// Control periods between two captured poses.
