@@ -47,6 +47,7 @@ impl Config {
             estimator: self.estimator_params()?,
             guidance,
             model_prior: ModelPrior { mass: self.mission.mass_deviation, ..ModelPrior::CAD },
+            slow_learning: self.mission.slow_learning,
             watch: self.supervisor.params(),
             take_off,
             rotor_speed_age: self.link.rotor_speed_age,

@@ -68,6 +68,9 @@ section! {
         /// calibration flight shows only the ratio of thrust and mass, and corrects mostly the less certain of the two. A mass
         /// that stays wrong scales every observed force.
         mass_deviation: f64 = ModelPrior::CAD.mass => "" from 1e-4 to 0.3,
+        /// Whether hovers of the mission go on correcting mass, thrust and centre of mass after a calibration: payload and battery
+        /// change. A hover that differs by more than these change is contact, and corrects nothing.
+        slow_learning: bool = true,
         /// Largest velocity between way-points.
         max_velocity: f64 = 0.4 => "m/s" from 1e-3 to 10.0,
         /// Largest acceleration between way-points.

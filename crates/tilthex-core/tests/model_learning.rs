@@ -3,63 +3,17 @@
 
 mod common;
 
-use common::tilt_hex;
+use common::{
+    hovers::{CAD, attitudes, calibrate, drawn, false_wrench, largest, nobody},
+    tilt_hex,
+};
 use tilthex_core::{
-    GRAVITY, Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
-    model_learning::{HoverSample, ModelDeviation, ModelLearner, ModelPrior, Refusal, TILT},
+    Matrix3, Vector3, Vehicle,
+    model_learning::{Learnt, ModelDeviation, ModelLearner, ModelPrior, Refusal},
     random::Random,
-    so3,
-    vehicle::{Correction, inputs, speeds},
-    wrench_observer::robot_wrench,
 };
 
-const DT: f64 = 0.002;
-const CAD: ModelPrior = ModelPrior::CAD;
-
-/// A vehicle around a model, with the errors of drawings cut at three deviations, and its centre of mass.
-fn drawn(model: &Vehicle, prior: &ModelPrior, random: &mut Random) -> (Vehicle, Vector3) {
-    let mut normal = |deviation: f64| loop {
-        let x = random.normal();
-        if x.abs() <= 3.0 {
-            break deviation * x;
-        }
-    };
-    let thrust = normal(prior.thrust);
-    let mut correction = Correction { mass: 1.0 + normal(prior.mass), ..Correction::NONE };
-    correction.drag = 1.0 + normal(prior.drag_moment);
-    correction.centre_r = Vector3::from_fn(|_, _| normal(prior.centre_of_mass));
-    for (i, rotor) in model.rotors().iter().enumerate() {
-        correction.thrust[i] = 1.0 + thrust + normal(prior.thrust_each);
-        let turn = Vector3::from_fn(|_, _| normal(prior.rotor_axis));
-        correction.axis_r[i] = turn.cross(&rotor.axis_r);
-    }
-    (model.corrected(&correction).unwrap(), correction.centre_r)
-}
-
-/// Speeds in a hover in which a wrench acts: force and torque on the robot, robot coordinates.
-fn held(truth: &Vehicle, rotation_wr: &Matrix3, external: &Wrench) -> RotorVector {
-    let up = rotation_wr.transpose() * Vector3::new(0.0, 0.0, truth.weight());
-    let wanted = Wrench { force: up - external.force, torque: -external.torque };
-    speeds(&(truth.allocation_inverse() * wanted.to_vector()))
-}
-
-/// What `model` takes for contact in a hover of `truth`, robot.
-fn false_wrench(model: &Vehicle, truth: &Vehicle, rotation_wr: &Matrix3) -> Wrench {
-    let given = Wrench::from_vector(&(model.allocation() * inputs(&held(truth, rotation_wr, &Wrench::ZERO))));
-    let up = rotation_wr.transpose() * Vector3::new(0.0, 0.0, model.weight());
-    Wrench { force: up - given.force, torque: -given.torque }
-}
-
-/// Level, and tilted in three directions.
-fn attitudes() -> [Matrix3; 4] {
-    let tilted = |k: f64| {
-        let direction = k * core::f64::consts::TAU / 3.0;
-        so3::exp(&(Vector3::new(libm::cos(direction), libm::sin(direction), 0.0) * TILT * 0.9))
-    };
-    [Matrix3::identity(), tilted(0.0), tilted(1.0), tilted(2.0)]
-}
-
-/// Flies hovers of a truth, and what they teach of a model.
+/// What hovers of a truth teach of a model.
 fn hover(
     model: &Vehicle,
     prior: &ModelPrior,
@@ -67,52 +21,8 @@ fn hover(
     attitudes: &[Matrix3],
     random: &mut Random,
     touch: impl Fn(usize, f64) -> Vector3,
-) -> Result<tilthex_core::model_learning::Learnt, Refusal> {
-    let mut learner = ModelLearner::default();
-    let bias = Vector3::from_fn(|_, _| 0.005 * random.normal());
-    for (k, rotation_wr) in attitudes.iter().enumerate() {
-        for tick in 0..2400 {
-            let time = tick as f64 * DT;
-            // A force at the tool, world.
-            let tool_w = Wrench { force: touch(k, time), torque: Vector3::zeros() };
-            let at_robot = robot_wrench(&tool_w, rotation_wr, &truth.tool().position_r);
-            let external =
-                Wrench { force: rotation_wr.transpose() * at_robot.force, torque: at_robot.torque };
-            let mut robot = RobotState::at_rest(Vector3::zeros());
-            robot.rotation_wr = *rotation_wr;
-            let noise = Vector3::from_fn(|_, _| 0.1 * random.normal());
-            let sample = HoverSample {
-                robot,
-                specific_force_r: rotation_wr.transpose() * Vector3::new(0.0, 0.0, GRAVITY) + bias + noise,
-                rotor_speeds: held(truth, rotation_wr, &external)
-                    + RotorVector::from_fn(|i, _| if i < 6 { 0.05 * random.normal() } else { 0.0 }),
-            };
-            learner.observe(model, true, &sample, DT);
-        }
-        let sample = HoverSample {
-            robot: RobotState::at_rest(Vector3::zeros()),
-            specific_force_r: Vector3::zeros(),
-            rotor_speeds: RotorVector::zeros(),
-        };
-        learner.observe(model, false, &sample, DT);
-    }
-    learner.finish(model, prior)
-}
-
-fn nobody(_: usize, _: f64) -> Vector3 {
-    Vector3::zeros()
-}
-
-/// The largest false force and torque in hovers tilted by 15 degrees in twelve directions.
-fn largest(model: &Vehicle, truth: &Vehicle) -> (f64, f64) {
-    let mut worst = (0.0, 0.0);
-    for k in 0..12 {
-        let direction = f64::from(k) * core::f64::consts::TAU / 12.0;
-        let axis = Vector3::new(libm::cos(direction), libm::sin(direction), 0.0);
-        let found = false_wrench(model, truth, &so3::exp(&(axis * TILT)));
-        worst = (f64::max(worst.0, found.force.norm()), f64::max(worst.1, found.torque.norm()));
-    }
-    worst
+) -> Result<Learnt, Refusal> {
+    calibrate(&mut ModelLearner::default(), model, prior, truth, attitudes, random, touch)
 }
 
 #[test]

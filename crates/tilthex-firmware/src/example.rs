@@ -57,6 +57,7 @@ pub fn tilt_hex((battery_low, battery_critical): (f64, f64)) -> Result<FirmwareP
         estimator: EstimatorParams::default(),
         guidance,
         model_prior: ModelPrior::CAD,
+        slow_learning: true,
         watch,
         take_off: false,
         rotor_speed_age: 0.0,

@@ -12,7 +12,7 @@ use tilthex_core::{
     trajectory::{Limits, Waypoint},
 };
 use tilthex_sim::{
-    Pushes,
+    Push, Pushes,
     simulate::{PERIOD, Record, Scenario, Start, run},
 };
 
@@ -122,5 +122,49 @@ fn the_model_changes_without_a_jump() {
             println!("{seed} {estimate}: {drop:.3} N, {usual:.4} Hz then {at:.4} Hz");
             assert!(at < 2.0 * usual + 0.05, "{seed} {estimate}: {usual} Hz, then {at} Hz");
         }
+    }
+}
+
+/// Force at the tool in the end, N, after a hover of a minute in which something pulls down, as a function of time.
+fn carried(seed: u64, slowly: bool, pull: impl Fn(f64) -> f64) -> f64 {
+    const STEP: f64 = 2.0;
+    let config = config("tilts");
+    let config =
+        config.overlaid(format!("mission = {{ slow_learning = {slowly} }}").parse().unwrap()).unwrap();
+    let pushes = (0..60)
+        .map(|k| Push {
+            at: SETTLED + f64::from(k) * STEP,
+            duration: STEP,
+            force: [0.0, 0.0, -pull(f64::from(k) * STEP)],
+            torque: [0.0; 3],
+        })
+        .collect();
+    let record = run(&Scenario {
+        config: &config,
+        start: Start::Ground(None),
+        pushes: Pushes::new(pushes),
+        duration: SETTLED + 115.0,
+        truth: TruthSection::named("cad").unwrap(),
+        sensors: SensorParams::EXPERIMENTS,
+        seed,
+        estimate: true,
+        pose_delay: 0.015,
+    })
+    .unwrap();
+    let rows: Vec<&[f64]> = record.get("wrench_tool").unwrap().values.chunks_exact(6).collect();
+    let last = &rows[rows.len() - (5.0 / PERIOD) as usize..];
+    last.iter().map(|row| row[2]).sum::<f64>() / last.len() as f64
+}
+
+/// A load that grows slowly is learnt as the vehicle's own; one that is put on at once stays felt.
+#[test]
+fn a_slow_load_is_learnt_and_a_sudden_one_is_felt() {
+    for seed in [91, 92] {
+        let slow = |time: f64| 0.6 * (time / 100.0).min(1.0);
+        let (with, without) = (carried(seed, true, slow), carried(seed, false, slow));
+        let sudden = carried(seed, true, |_| 0.6);
+        println!("{seed}: slow load {with:.3} N, without learning {without:.3} N; sudden load {sudden:.3} N");
+        assert!(with.abs() < 0.1 && without < -0.5, "{seed}: {with} {without}");
+        assert!((sudden + 0.6).abs() < 0.1, "{seed}: {sudden}");
     }
 }

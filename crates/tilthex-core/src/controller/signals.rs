@@ -35,8 +35,7 @@ pub struct ControllerState {
 
 impl ControllerState {
     /// Changes to another model of the vehicle without a jump of the commanded wrench: the part of the present
-    /// sample that the new model explains is no longer observed as an external wrench. A learnt bias explained
-    /// the same part, and is removed, and the estimate of the wind begins again.
+    /// sample that the new model explains is no longer observed as an external wrench.
     pub fn change_model(&mut self, before: &Vehicle, after: &Vehicle, now: &ObserverInput) {
         let explained = |vehicle: &Vehicle| {
             let given = vehicle.body_wrench(&now.rotor_speeds);
@@ -45,17 +44,23 @@ impl ControllerState {
                 torque: -given.torque,
             }
         };
+        let at_tool = |observed: &Wrench, vehicle: &Vehicle| {
+            tool_wrench(observed, &now.rotation_wr, &vehicle.tool().position_r).to_vector()
+        };
         let observed = self.observer.wrench + explained(after) - explained(before);
         if observed.is_finite() {
+            self.low_pass.output += at_tool(&observed, after) - at_tool(&self.observer.wrench, before);
             self.observer.wrench = observed;
         }
         self.observer.forget_sample();
-        // Removes from the low-pass the wrench that is no longer observed.
-        let tool_w = tool_wrench(&self.observer.wrench, &now.rotation_wr, &after.tool().position_r);
+    }
+
+    /// Forgets the bias and the wind, which explained errors of the model that a calibration has corrected.
+    pub fn forget_errors(&mut self, vehicle: &Vehicle, now: &ObserverInput) {
+        let tool_w = tool_wrench(&self.observer.wrench, &now.rotation_wr, &vehicle.tool().position_r);
         self.low_pass.output = tool_w.to_vector();
         self.bias_r = Wrench::ZERO;
         self.bias_estimator = BiasEstimator::default();
-        // The wind explained errors of the model before.
         self.contact = ContactState::default();
     }
 }

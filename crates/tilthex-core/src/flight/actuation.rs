@@ -42,9 +42,10 @@ impl Flight {
                 let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
                 let learns_model = guided.learn_model || self.learns_model;
-                self.learn_model(learns_model, &guided.setpoint, rotor_speeds, dt);
+                self.learn_model(learns_model, &guided, rotor_speeds, dt);
                 let controller = if late { &self.slow_controller } else { &self.controller };
-                let compliant = guided.compliant && !self.learns && !learns_model && !self.model.is_pending();
+                let compliant =
+                    guided.compliant && !self.learns && !learns_model && !self.model.is_calibrated_next();
                 let input = ControllerInput {
                     state: robot,
                     specific_force_r: self.specific_force_r(),

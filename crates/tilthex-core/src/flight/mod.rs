@@ -80,6 +80,8 @@ pub struct FlightParams {
     pub guidance: GuidanceParams,
     /// Standard deviations of the vehicle's errors, before a calibration flight corrects them.
     pub model_prior: ModelPrior,
+    /// Whether hovers of the mission go on correcting the model after a calibration.
+    pub slow_learning: bool,
     /// Limits; crossing one is a fault.
     pub watch: WatchParams,
     /// Take off as soon as everything is ready, without an order.

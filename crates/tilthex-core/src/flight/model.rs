@@ -1,13 +1,13 @@
 //! The vehicle model that the laws use, and its replacement by the one that a calibration has learnt.
 
-use super::{Flight, KnownState};
+use super::{Flight, KnownState, guidance::Guided};
 use crate::{
     Vehicle,
     model_learning::{HoverSample, Learnt, ModelDeviation, ModelLearner, ModelPrior, Refusal},
     so3,
     supervisor::Phase,
-    types::{RobotState, RotorVector, Setpoint, Vector3},
-    wrench_observer::ObserverInput,
+    types::{RobotState, RotorVector, Setpoint, Vector3, Wrench},
+    wrench_observer::{ObserverInput, robot_wrench},
 };
 
 /// A set-point that moves less than this in a tick, m and rad, is at rest.
@@ -20,14 +20,23 @@ pub(super) struct ModelState {
     /// Whether the last tick was one to learn from, and its set-point.
     learning: bool,
     setpoint: Option<Setpoint>,
-    /// The learnt model, and the sample at which it replaces the present one, at the begin of the next tick.
-    pending: Option<(Learnt, ObserverInput)>,
+    pending: Option<Pending>,
     refused: Option<Refusal>,
     deviation: ModelDeviation,
     /// Centre of mass relative to the one of the configuration, m, robot.
     centre_r: Vector3,
     hovers: usize,
     misfit: f64,
+}
+
+/// A model that replaces the present one at the begin of the next tick.
+#[derive(Clone, Copy, Debug)]
+struct Pending {
+    learnt: Learnt,
+    /// The sample at which it replaces it.
+    now: ObserverInput,
+    /// Whether a calibration made it.
+    calibrated: bool,
 }
 
 /// The working model, for the log.
@@ -41,8 +50,8 @@ pub struct ModelRecord {
     pub false_force: f64,
     /// Torque of that false contact, N m, one standard deviation.
     pub false_torque: f64,
-    /// Number of hovers from which it was learnt; 0 for the configured model.
-    pub hovers: u8,
+    /// Number of hovers from which it was learnt, those of the mission too; 0 for the configured model.
+    pub hovers: u32,
     /// Mean squared normalised innovation of these hovers.
     pub misfit: f64,
 }
@@ -65,21 +74,12 @@ impl ModelState {
 
     /// A known state of the configured centre of mass, moved to the corrected one.
     pub(super) fn at_centre(&self, known: &KnownState) -> KnownState {
-        let robot = &known.robot;
-        let velocity_r = robot.angular_velocity_r.cross(&self.centre_r);
-        KnownState {
-            robot: RobotState {
-                position_w: robot.position_w + robot.rotation_wr * self.centre_r,
-                velocity_w: robot.velocity_w + robot.rotation_wr * velocity_r,
-                ..*robot
-            },
-            ..*known
-        }
+        moved(known, &self.centre_r)
     }
 
-    /// Whether another model will replace the present one in the next tick.
-    pub(super) fn is_pending(&self) -> bool {
-        self.pending.is_some()
+    /// Whether the model of a calibration will replace the present one in the next tick.
+    pub(super) fn is_calibrated_next(&self) -> bool {
+        self.pending.is_some_and(|pending| pending.calibrated)
     }
 
     /// Whether a calibration was refused.
@@ -92,6 +92,20 @@ impl ModelState {
             let turn = last.rotation_we.transpose() * setpoint.rotation_we;
             (last.position_w - setpoint.position_w).norm() < RESTS && so3::log(&turn).norm() < RESTS
         })
+    }
+}
+
+/// A known state, moved to another centre of mass.
+fn moved(known: &KnownState, centre_r: &Vector3) -> KnownState {
+    let robot = &known.robot;
+    let velocity_r = robot.angular_velocity_r.cross(centre_r);
+    KnownState {
+        robot: RobotState {
+            position_w: robot.position_w + robot.rotation_wr * centre_r,
+            velocity_w: robot.velocity_w + robot.rotation_wr * velocity_r,
+            ..*robot
+        },
+        ..*known
     }
 }
 
@@ -133,34 +147,46 @@ impl Flight {
     }
 
     /// One tick of learning, or its end.
-    pub(super) fn learn_model(&mut self, learns: bool, setpoint: &Setpoint, speeds: &RotorVector, dt: f64) {
+    pub(super) fn learn_model(&mut self, learns: bool, guided: &Guided, speeds: &RotorVector, dt: f64) {
         if !matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) {
-            (self.model.learner, self.model.learning) = (ModelLearner::default(), false);
+            self.model.learner.give_up();
+            self.model.learning = false;
             return;
         }
         let ended = core::mem::replace(&mut self.model.learning, learns) && !learns;
-        if !learns && !ended {
+        if ended {
+            self.end_calibration(speeds);
+        }
+        let slowly = !learns && self.params.slow_learning && self.model.hovers > 0;
+        if !learns && !slowly {
             return;
         }
-        let vehicle = self.params.vehicle;
-        let robot = self.robot_state();
-        let specific_force_r = self.specific_force_r();
+        let still = self.model.setpoint_rests(&guided.setpoint);
+        let sample = HoverSample {
+            robot: self.robot_state(),
+            specific_force_r: self.specific_force_r(),
+            rotor_speeds: *speeds,
+            external_r: if slowly { self.drag_r() } else { Wrench::ZERO },
+        };
+        let (vehicle, prior) = (&self.params.vehicle, &self.params.model_prior);
         if learns {
-            let still = self.model.setpoint_rests(setpoint);
-            let sample = HoverSample { robot, specific_force_r, rotor_speeds: *speeds };
-            self.model.learner.observe(&vehicle, still, &sample, dt);
+            self.model.learner.observe(vehicle, still, &sample, dt);
             return;
         }
-        self.model.setpoint = None;
-        match self.model.learner.finish(&vehicle, &self.params.model_prior) {
+        let still = still && self.may_learn_slowly(guided);
+        let learnt = self.model.learner.observe_slowly(vehicle, prior, still, &sample, dt);
+        if let Some(learnt) = learnt {
+            let now = self.observer_input(speeds);
+            self.model.pending = Some(Pending { learnt, now, calibrated: false });
+        }
+    }
+
+    /// Learns from the hovers of the calibration.
+    fn end_calibration(&mut self, speeds: &RotorVector) {
+        match self.model.learner.finish(&self.params.vehicle, &self.params.model_prior) {
             Ok(learnt) => {
-                let now = ObserverInput {
-                    rotation_wr: robot.rotation_wr,
-                    angular_velocity_r: robot.angular_velocity_r,
-                    specific_force_r,
-                    rotor_speeds: *speeds,
-                };
-                self.model.pending = Some((learnt, now));
+                let now = self.observer_input(speeds);
+                self.model.pending = Some(Pending { learnt, now, calibrated: true });
                 self.model.refused = None;
             }
             Err(refusal) => {
@@ -171,15 +197,50 @@ impl Flight {
         }
     }
 
+    /// Whether a hover of the mission shows errors of the model: nothing is commanded or known to touch the vehicle, what
+    /// is measured is sound, and no bias that was learnt in its place explains the errors.
+    fn may_learn_slowly(&self, guided: &Guided) -> bool {
+        let setpoint = &guided.setpoint;
+        let free = setpoint.wrench_w == Wrench::ZERO && !setpoint.force_axes.any();
+        let sound = self.supervisor.active().is_empty() && !self.estimator.is_modelled();
+        self.supervisor.phase() == Phase::Flying
+            && guided.compliant
+            && !guided.learn_bias
+            && !self.learns
+            && free
+            && sound
+            && self.control.bias_r == Wrench::ZERO
+    }
+
+    /// The drag in the estimated wind about the centre of mass, robot.
+    fn drag_r(&self) -> Wrench {
+        let Some(output) = &self.output else { return Wrench::ZERO };
+        let (rotation_wr, tool_r) = (self.robot_state().rotation_wr, self.params.vehicle.tool().position_r);
+        let drag = robot_wrench(&output.told.drag_tool_w, &rotation_wr, &tool_r);
+        Wrench { force: rotation_wr.transpose() * drag.force, ..drag }
+    }
+
+    fn observer_input(&self, speeds: &RotorVector) -> ObserverInput {
+        let robot = self.robot_state();
+        ObserverInput {
+            rotation_wr: robot.rotation_wr,
+            angular_velocity_r: robot.angular_velocity_r,
+            specific_force_r: self.specific_force_r(),
+            rotor_speeds: *speeds,
+        }
+    }
+
     /// Replaces the model by the learnt one, between two ticks. The model changes nowhere else.
     pub(super) fn change_model(&mut self) {
-        let Some((learnt, now)) = self.model.pending.take() else { return };
+        let Some(Pending { learnt, now, calibrated }) = self.model.pending.take() else { return };
         let before = core::mem::replace(&mut self.params.vehicle, learnt.vehicle);
         self.controller = self.controller.for_vehicle(&learnt.vehicle);
         self.control.change_model(&before, &learnt.vehicle, &now);
+        if calibrated {
+            self.control.forget_errors(&learnt.vehicle, &now);
+        }
         self.estimator.move_centre_of_mass(&learnt.centre_r);
-        let moved = ModelState { centre_r: learnt.centre_r, ..self.model };
-        self.known = self.known.map(|known| moved.at_centre(&known));
+        self.known = self.known.map(|known| moved(&known, &learnt.centre_r));
         self.model.centre_r += learnt.centre_r;
         self.model.deviation = learnt.deviation;
         self.model.hovers = learnt.hovers;
@@ -193,7 +254,7 @@ impl Flight {
             centre_of_mass_r: self.model.centre_r,
             false_force: self.model.deviation.false_force,
             false_torque: self.model.deviation.false_torque,
-            hovers: self.model.hovers.min(255) as u8,
+            hovers: u32::try_from(self.model.hovers).unwrap_or(u32::MAX),
             misfit: self.model.misfit,
         }
     }

@@ -16,10 +16,17 @@ use crate::{
     types::{MAX_ROTORS, RotorVector, Vector3, Wrench, is_finite3},
     vehicle::Correction,
 };
+use core::ops::Range;
 use libm::sqrt;
 
 /// Unknowns of the body: mass, common thrust, drag moment, centre of mass (3), accelerometer bias (3).
 const BODY: usize = 9;
+/// The places of some of them.
+pub(super) const MASS: usize = 0;
+pub(super) const THRUST: usize = 1;
+const DRAG_MOMENT: usize = 2;
+pub(super) const CENTRE_OF_MASS: Range<usize> = 3..6;
+pub(super) const ACCELEROMETER_BIAS: Range<usize> = 6..BODY;
 /// Unknowns of a rotor: its thrust, and its axis in the two directions normal to it.
 const EACH: usize = 3;
 const UNKNOWNS: usize = BODY + EACH * MAX_ROTORS;
@@ -61,27 +68,55 @@ impl Estimate {
             let about = estimate.unknowns;
             estimate = Self::prior();
             for hover in hovers {
-                let (balance, columns) = linearised(vehicle, prior, &about, hover);
-                let rows = balance.to_vector();
-                for (axis, found) in rows.iter().enumerate() {
-                    let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
-                    let noise = if axis < 3 { NOISE.0 } else { NOISE.1 };
-                    estimate.update(&row, dot(&row, &about) - found, noise * noise);
-                }
+                estimate.absorb(vehicle, prior, &about, hover);
             }
         }
         estimate
     }
 
-    /// Adds a scalar measurement `row . unknowns`.
-    fn update(&mut self, row: &Row, measured: f64, variance: f64) {
+    /// The unknowns, to linearise about them.
+    pub(super) fn about(&self) -> Row {
+        self.unknowns
+    }
+
+    /// Adds a hover, linearised about some unknowns. Returns the largest innovation of its wrench, in standard deviations.
+    pub(super) fn absorb(
+        &mut self,
+        vehicle: &Vehicle,
+        prior: &ModelPrior,
+        about: &Row,
+        hover: &Hover,
+    ) -> f64 {
+        let (balance, columns) = linearised(vehicle, prior, about, hover);
+        let mut largest: f64 = 0.0;
+        for (axis, found) in balance.to_vector().iter().enumerate() {
+            let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
+            let noise = if axis < 3 { NOISE.0 } else { NOISE.1 };
+            let squared = self.update(&row, dot(&row, about) - found, noise * noise);
+            largest = largest.max(sqrt(squared));
+        }
+        largest
+    }
+
+    /// Some unknowns change at random with this variance, in prior variances; none becomes less certain than its prior.
+    pub(super) fn stray(&mut self, unknowns: Range<usize>, variance: f64) {
+        for i in unknowns {
+            if let Some(entry) = self.covariance.get_mut(i).and_then(|row| row.get_mut(i)) {
+                *entry += variance.min((1.0 - *entry).max(0.0));
+            }
+        }
+    }
+
+    /// Adds a scalar measurement `row . unknowns`. Returns its squared normalised innovation.
+    fn update(&mut self, row: &Row, measured: f64, variance: f64) -> f64 {
         let mut gain = [0.0; UNKNOWNS];
         for (g, covariance) in gain.iter_mut().zip(&self.covariance) {
             *g = dot(covariance, row);
         }
         let expected = dot(row, &gain) + variance;
         let innovation = measured - dot(row, &self.unknowns);
-        self.misfit += innovation * innovation / expected;
+        let squared = innovation * innovation / expected;
+        self.misfit += squared;
         for (x, g) in self.unknowns.iter_mut().zip(&gain) {
             *x += g * innovation / expected;
         }
@@ -90,6 +125,7 @@ impl Estimate {
                 *entry -= g * other / expected;
             }
         }
+        squared
     }
 
     /// Whether no unknown is farther from its prior than `times` its deviation.
@@ -128,11 +164,11 @@ impl Estimate {
         };
         let (force, torque) = self.false_wrench(vehicle, prior);
         super::ModelDeviation {
-            mass: one(0, prior.mass),
-            drag_moment: one(2, prior.drag_moment),
-            centre_of_mass_r: three(3, prior.centre_of_mass),
-            accelerometer_bias_r: three(6, prior.accelerometer_bias),
-            thrust: each(&|i| self.deviation(&unit(&[(1, prior.thrust), (i, prior.thrust_each)]))),
+            mass: one(MASS, prior.mass),
+            drag_moment: one(DRAG_MOMENT, prior.drag_moment),
+            centre_of_mass_r: three(CENTRE_OF_MASS.start, prior.centre_of_mass),
+            accelerometer_bias_r: three(ACCELEROMETER_BIAS.start, prior.accelerometer_bias),
+            thrust: each(&|i| self.deviation(&unit(&[(THRUST, prior.thrust), (i, prior.thrust_each)]))),
             rotor_axis: each(&|i| {
                 let (a, b) = (one(i + 1, prior.rotor_axis), one(i + 2, prior.rotor_axis));
                 sqrt(a * a + b * b)
@@ -158,7 +194,7 @@ impl Estimate {
             };
             let (_, mut columns) = linearised(vehicle, prior, &[0.0; UNKNOWNS], &hover);
             // The estimator removes the accelerometer's bias later.
-            columns.iter_mut().take(BODY).skip(6).for_each(|c| *c = Wrench::ZERO);
+            columns.iter_mut().take(BODY).skip(ACCELEROMETER_BIAS.start).for_each(|c| *c = Wrench::ZERO);
             for axis in 0..6 {
                 let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
                 let deviation = self.deviation(&row);

@@ -19,7 +19,7 @@ const STILL: (f64, f64) = (0.1, 0.2);
 /// The shortest time of a hover with a set-point at rest, s.
 pub const SHORTEST: f64 = SETTLE + BLOCK * (FEWEST as f64 + 0.5);
 
-/// The measurements of a tick, without contact.
+/// The measurements of a tick without contact.
 #[derive(Clone, Copy, Debug)]
 pub struct HoverSample {
     /// Pose and twist of the robot.
@@ -28,6 +28,8 @@ pub struct HoverSample {
     pub specific_force_r: Vector3,
     /// Measured rotor speeds, Hz.
     pub rotor_speeds: RotorVector,
+    /// External wrench that is known, robot: the drag in an estimated wind.
+    pub external_r: Wrench,
 }
 
 /// Means over a time.
@@ -88,7 +90,9 @@ impl HoverMeter {
         self.rest += dt;
         let omega = sample.robot.angular_velocity_r;
         let fast = sample.robot.velocity_w.norm() > STILL.0 || omega.norm() > STILL.1;
-        let finite = sample.robot.is_finite() && sample.specific_force_r.iter().all(|x| x.is_finite());
+        let finite = sample.robot.is_finite()
+            && sample.specific_force_r.iter().all(|x| x.is_finite())
+            && sample.external_r.is_finite();
         if fast || !finite || !sample.rotor_speeds.iter().all(|w| w.is_finite()) {
             *self = Self { rest: self.rest, ..Self::default() };
             return;
@@ -99,8 +103,8 @@ impl HoverMeter {
         let momentum_r = vehicle.inertia() * omega;
         let begin_r = *self.begin_r.get_or_insert(momentum_r);
         let now = Hover {
-            specific_force_r: sample.specific_force_r,
-            momentum_rate_r: omega.cross(&momentum_r),
+            specific_force_r: sample.specific_force_r - sample.external_r.force / vehicle.mass(),
+            momentum_rate_r: omega.cross(&momentum_r) - sample.external_r.torque,
             inputs: inputs(&sample.rotor_speeds),
         };
         self.sum = self.sum.sum(&now.scaled(dt));
@@ -115,6 +119,11 @@ impl HoverMeter {
             self.count = (self.count + 1).min(BLOCKS);
             (self.sum, self.time, self.begin_r) = (Hover::default(), 0.0, Some(momentum_r));
         }
+    }
+
+    /// Whether it has as much as it keeps.
+    pub(super) fn is_full(&self) -> bool {
+        self.count == BLOCKS
     }
 
     /// The means of a hover that lasted long enough, and the largest difference of a block's wrench from their

@@ -9,6 +9,7 @@
 mod estimate;
 mod flight;
 mod hover;
+mod slow;
 
 pub use flight::{Calibration, calibration_flight};
 pub use hover::{HoverSample, SETTLE, SHORTEST};
@@ -20,6 +21,7 @@ use crate::{
 use core::fmt;
 use estimate::Estimate;
 use hover::{Hover, HoverMeter};
+use slow::SlowLearner;
 
 /// Largest number of hovers; the newest are kept.
 pub const MAX_HOVERS: usize = 8;
@@ -173,6 +175,8 @@ pub struct ModelLearner {
     count: usize,
     total: usize,
     refusal: Option<Refusal>,
+    /// Learns slowly after the last calibration that was not refused.
+    slow: Option<SlowLearner>,
 }
 
 impl ModelLearner {
@@ -190,8 +194,8 @@ impl ModelLearner {
             return;
         };
         self.total = self.total.saturating_add(1);
-        let (force, torque) = (away.force.norm(), away.torque.norm());
-        if force > STEADY.0 || torque > STEADY.1 {
+        if !is_steady(&away) {
+            let (force, torque) = (away.force.norm(), away.torque.norm());
             self.refusal.get_or_insert(Refusal::NotStill { hover: self.total, force, torque });
         }
         self.hovers.rotate_right(1);
@@ -208,6 +212,7 @@ impl ModelLearner {
     pub fn finish(&mut self, vehicle: &Vehicle, prior: &ModelPrior) -> Result<Learnt, Refusal> {
         self.close(vehicle);
         let done = core::mem::take(self);
+        self.slow = done.slow;
         if let Some(refusal) = done.refusal {
             return Err(refusal);
         }
@@ -228,12 +233,43 @@ impl ModelLearner {
             let (force, torque) = (largest(|w| w.force.norm()), largest(|w| w.torque.norm()));
             return Err(Refusal::NotTheModel { force, torque });
         };
-        Ok(Learnt {
+        let learnt = Learnt {
             deviation: estimate.deviations(&corrected, prior),
             vehicle: corrected,
             centre_r: correction.centre_r,
             misfit: estimate.misfit / freedom,
             hovers: hovers.len(),
-        })
+        };
+        self.slow = Some(SlowLearner::new(*vehicle, estimate, &learnt));
+        Ok(learnt)
     }
+
+    /// One tick of the flight after a calibration, without a known contact; `still` says whether the set-point is at rest. At the
+    /// end of a hover that errors of the model explain, the model that is corrected by it. A hover of a vehicle that is touched
+    /// changes nothing.
+    pub fn observe_slowly(
+        &mut self,
+        vehicle: &Vehicle,
+        prior: &ModelPrior,
+        still: bool,
+        sample: &HoverSample,
+        dt: f64,
+    ) -> Option<Learnt> {
+        let slow = self.slow.as_mut()?;
+        if still {
+            return slow.hover(vehicle, prior, sample, dt);
+        }
+        slow.wait(dt);
+        None
+    }
+
+    /// The hovers of a calibration that is not over are forgotten.
+    pub fn give_up(&mut self) {
+        *self = Self { slow: self.slow, ..Self::default() };
+    }
+}
+
+/// Whether no block of a hover differs from the whole hover by more than [`STEADY`].
+fn is_steady(away: &Wrench) -> bool {
+    away.force.norm() <= STEADY.0 && away.torque.norm() <= STEADY.1
 }

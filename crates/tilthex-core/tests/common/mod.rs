@@ -1,6 +1,8 @@
 //! Random vehicles, attitudes and wrenches for the property tests.
 #![allow(dead_code, clippy::unwrap_used)] // each test binary uses its part
 
+pub(crate) mod hovers;
+
 use proptest::prelude::*;
 use tilthex_core::{
     Matrix3, Vector3, Vehicle, Wrench, so3,
