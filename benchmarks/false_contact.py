@@ -25,7 +25,7 @@ COUNTED = 4.0
 """Duration of the end of a hover that is used, s."""
 FLYING = 3.0
 """The phase *flying*, as `simulate` returns it."""
-BEFORE = {"air": 0.0, "none": 14.0, "hover": 24.0, "tilts": 42.0}
+BEFORE = {"air": 0.0, "none": 14.0, "hover": 24.0, "tilts": 46.0}
 """Time at which take-off and calibration are over, s; "air" has neither."""
 
 

@@ -61,7 +61,7 @@ section! {
         /// Time of the first hover in which the observer's bias is learnt; 0 for none.
         bias_time: f64 = 2.0 => "s" from 0.0 to 60.0,
         /// The contact-free flight after the first hover from which the model is learnt: "none", "hover" (level) or
-        /// "tilts" (level and three hovers tilted by 10 to 15 degrees, half a minute in all). The learnt model replaces
+        /// "tilts" (level, and three hovers tilted by 10 to 15 degrees and turned by 90 degrees, 35 s in all). The learnt model replaces
         /// the bias.
         calibration: String = "none".into(),
         /// Standard deviation of the configured mass, as a fraction of it; 0.001 for a vehicle that was weighed as it flies. The

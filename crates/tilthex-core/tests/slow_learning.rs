@@ -4,7 +4,9 @@
 mod common;
 
 use common::{
-    hovers::{CAD, DT, attitudes, calibrate, drawn, false_wrench, largest, left_bias, nobody, sampled},
+    hovers::{
+        CAD, DT, at_tool, attitudes, calibrate, drawn, false_wrench, largest, left_bias, nobody, sampled,
+    },
     tilt_hex,
 };
 use tilthex_core::{
@@ -43,7 +45,8 @@ impl Flown {
         for (still, ticks) in [(false, 1), (true, (HOVER / DT) as usize)] {
             let dt = if still { DT } else { HOVER };
             for _ in 0..ticks {
-                let sample = sampled(&self.truth, rotation_wr, force_w, &self.bias, &mut self.random);
+                let external = at_tool(&self.truth, rotation_wr, force_w);
+                let sample = sampled(&self.truth, rotation_wr, &external, &self.bias, &mut self.random);
                 let learnt = self.learner.observe_slowly(&self.model, &CAD, still, &sample, dt);
                 if let Some(learnt) = learnt {
                     self.model = learnt.vehicle;

@@ -17,8 +17,8 @@ use tilthex_sim::{
 };
 
 /// Take-off and calibration are over by then, and the tilted hover has settled, s.
-const SETTLED: f64 = 52.0;
-const END: f64 = 56.0;
+const SETTLED: f64 = 56.0;
+const END: f64 = 60.0;
 
 fn config(calibration: &str) -> Config {
     let config = Config::default_for(VehicleSection::preset("tilt-hex").unwrap());

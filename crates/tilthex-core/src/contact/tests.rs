@@ -196,6 +196,6 @@ fn another_model_begins_with_another_wind() {
         specific_force_r: Vector3::new(0.0, 0.0, crate::GRAVITY),
         rotor_speeds: rig.speeds,
     };
-    control.change_model(&rig.vehicle, &rig.vehicle, &now);
+    control.forget_errors(&rig.vehicle, &now);
     assert_eq!(control.contact, ContactState::default());
 }

@@ -16,7 +16,10 @@ const OF_USUAL: f64 = 9.0;
 /// Time constant of the mean square, s.
 const MEMORY: f64 = 0.5;
 /// Share of the square of a leap that the integral of an interval misses: of the rate and of the specific force.
-const MISSED: [f64; 2] = [0.01, 0.02];
+const MISSED: [f64; 2] = [0.01, 0.002];
+/// Share of the square of the last leap that a repeated reading misses: the board or the line has held a sample, and the motion
+/// meanwhile was not measured.
+const HELD: f64 = 0.5;
 /// A leap whose square is beyond the usual by this much is a blow, (rad/s)^2 and (m/s^2)^2.
 const BLOW: [f64; 2] = [9.0, 900.0];
 
@@ -36,6 +39,15 @@ impl Leaps {
         noise: &ProcessNoise,
         dt: f64,
     ) -> [Coarse; 2] {
+        let repeats =
+            |gyro: &Vector3, force: &Vector3, last: &ImuEntry| *gyro == last.gyro && *force == last.force;
+        if repeats(gyro_i, force_i, before) {
+            let again = repeats(&before.gyro, &before.force, earlier);
+            let share = |missed: f64| if again { 1.0 } else { HELD / missed };
+            let [gyro, force] =
+                [(0, before.leap[0]), (1, before.leap[1])].map(|(i, leap)| leap.get() * share(MISSED[i]));
+            return [Coarse::new(gyro), Coarse::new(force)];
+        }
         let gyro = gyro_i - 2.0 * before.gyro + earlier.gyro;
         let force = force_i - 2.0 * before.force + earlier.force;
         let squares = [gyro.norm_squared(), force.norm_squared()];

@@ -9,6 +9,9 @@
 //!
 //! with the true F1, F2 and m and the accelerometer bias b that the estimator has not removed. The equations are
 //! linear in all unknowns to first order; higher orders are included by linearising again about the last solution.
+//!
+//! Hovers at different headings also show a horizontal wrench that stays in the world, that of a steady wind: it does not turn
+//! with the vehicle. It is an unknown of the calibration, and no error of the model.
 
 use super::{Hover, ModelPrior};
 use crate::{
@@ -19,20 +22,26 @@ use crate::{
 use core::ops::Range;
 use libm::sqrt;
 
-/// Unknowns of the body: mass, common thrust, drag moment, centre of mass (3), accelerometer bias (3).
-const BODY: usize = 9;
+/// Unknowns of the body: mass, common thrust, drag moment, centre of mass (3), accelerometer bias (3), and the horizontal force
+/// and torque of the air (4).
+const BODY: usize = 13;
 /// The places of some of them.
 pub(super) const MASS: usize = 0;
 pub(super) const THRUST: usize = 1;
 const DRAG_MOMENT: usize = 2;
 pub(super) const CENTRE_OF_MASS: Range<usize> = 3..6;
-pub(super) const ACCELEROMETER_BIAS: Range<usize> = 6..BODY;
+pub(super) const ACCELEROMETER_BIAS: Range<usize> = 6..9;
+const AIR: usize = 9;
 /// Unknowns of a rotor: its thrust, and its axis in the two directions normal to it.
 const EACH: usize = 3;
 const UNKNOWNS: usize = BODY + EACH * MAX_ROTORS;
 
 /// Standard deviations of a hover's mean force, N, and torque, N m, per axis.
 const NOISE: (f64, f64) = (0.02, 0.005);
+/// Standard deviations of a steady wind's force, N, and torque about the centre of mass, N m, per horizontal axis.
+const OF_AIR: (f64, f64) = (0.5, 0.1);
+/// Headings that differ by less than this show no wind, rad.
+const TURNED: f64 = 0.3;
 /// Number of linearisations.
 const ROUNDS: usize = 3;
 
@@ -64,11 +73,12 @@ impl Estimate {
     /// The estimate from some hovers of a vehicle.
     pub(super) fn of(vehicle: &Vehicle, prior: &ModelPrior, hovers: &[Hover]) -> Self {
         let mut estimate = Self::prior();
+        let windy = hovers.iter().zip(hovers.iter().skip(1)).any(|(a, b)| a.turned_from(b) > TURNED);
         for _ in 0..ROUNDS {
             let about = estimate.unknowns;
             estimate = Self::prior();
             for hover in hovers {
-                estimate.absorb(vehicle, prior, &about, hover);
+                estimate.absorb(vehicle, prior, &about, hover, windy);
             }
         }
         estimate
@@ -79,15 +89,24 @@ impl Estimate {
         self.unknowns
     }
 
-    /// Adds a hover, linearised about some unknowns. Returns the largest innovation of its wrench, in standard deviations.
+    /// Adds a hover, linearised about some unknowns; `windy` says whether the air can push. Returns the largest innovation of
+    /// its wrench, in standard deviations.
     pub(super) fn absorb(
         &mut self,
         vehicle: &Vehicle,
         prior: &ModelPrior,
         about: &Row,
         hover: &Hover,
+        windy: bool,
     ) -> f64 {
-        let (balance, columns) = linearised(vehicle, prior, about, hover);
+        let (mut balance, mut columns) = linearised(vehicle, prior, about, hover);
+        if windy {
+            let slots = columns.iter_mut().skip(AIR).zip(about.iter().skip(AIR));
+            for ((column, unknown), push) in slots.zip(hover.pushes_of_air(OF_AIR)) {
+                *column = push;
+                balance = balance + times(&push, *unknown);
+            }
+        }
         let mut largest: f64 = 0.0;
         for (axis, found) in balance.to_vector().iter().enumerate() {
             let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
@@ -189,12 +208,16 @@ impl Estimate {
             let up_r = Vector3::new(sine * libm::cos(angle), sine * libm::sin(angle), cosine);
             let hover = Hover {
                 specific_force_r: up_r * crate::GRAVITY,
-                momentum_rate_r: Vector3::zeros(),
                 inputs: vehicle.hover_inputs(&up_r),
+                ..Hover::default()
             };
             let (_, mut columns) = linearised(vehicle, prior, &[0.0; UNKNOWNS], &hover);
             // The estimator removes the accelerometer's bias later.
-            columns.iter_mut().take(BODY).skip(ACCELEROMETER_BIAS.start).for_each(|c| *c = Wrench::ZERO);
+            columns
+                .iter_mut()
+                .take(ACCELEROMETER_BIAS.end)
+                .skip(ACCELEROMETER_BIAS.start)
+                .for_each(|c| *c = Wrench::ZERO);
             for axis in 0..6 {
                 let row = columns.map(|c| c.to_vector().as_slice().get(axis).copied().unwrap_or(0.0));
                 let deviation = self.deviation(&row);
@@ -266,7 +289,7 @@ fn correction(vehicle: &Vehicle, prior: &ModelPrior, unknowns: &Row) -> Correcti
 /// The balance of a hover about some unknowns, which is zero for the true ones, and its derivative by each unknown.
 fn linearised(vehicle: &Vehicle, prior: &ModelPrior, about: &Row, hover: &Hover) -> (Wrench, Columns) {
     let correction = correction(vehicle, prior, about);
-    let ([.., bx, by, bz], _) = parts(about);
+    let ([_, _, _, _, _, _, bx, by, bz, ..], _) = parts(about);
     let unbiased_r = hover.specific_force_r - Vector3::new(bx, by, bz) * prior.accelerometer_bias;
     let mass = vehicle.mass() * correction.mass;
     let mut balance = Wrench { force: -unbiased_r * mass, torque: -hover.momentum_rate_r };

@@ -1,4 +1,5 @@
-//! The flight that shows the errors of a model: a level hover and three tilted hovers.
+//! The flight that shows the errors of a model: a level hover, and three tilted hovers at another heading. A wind keeps its
+//! direction in the world when the vehicle turns, and the errors of its model do not.
 
 use super::{SHORTEST, TILT};
 use crate::{
@@ -18,7 +19,7 @@ pub enum Calibration {
     None,
     /// A level hover.
     Hover,
-    /// A level hover and three that are tilted.
+    /// A level hover and three that are tilted, at another heading.
     Tilts,
 }
 
@@ -43,8 +44,9 @@ impl Calibration {
     }
 }
 
-/// Tilted hovers.
+/// Tilted hovers, and their heading relative to that of the level hover, rad.
 const TILTS: u8 = 3;
+const HEADING: f64 = core::f64::consts::FRAC_PI_2;
 /// Part of each rotor's input range that a tilted hover keeps free at either end.
 const ROOM: f64 = 0.08;
 /// If rotors have no room, the tilt is reduced in these steps, rad, down to the smallest.
@@ -56,7 +58,7 @@ const TILTED: f64 = SHORTEST + 1.0;
 const LAST: f64 = 1.0;
 
 /// A trajectory that begins and ends with a level hover with the tool at a position and heading, with tilted hovers
-/// about the same centre of mass between.
+/// about the same centre of mass between, turned by 90 degrees.
 ///
 /// A vehicle that hovers in one attitude only stays level.
 ///
@@ -91,7 +93,7 @@ pub fn calibration_flight(
         let angle = f64::from(k) * core::f64::consts::TAU / f64::from(TILTS);
         let axis_r = Vector3::new(libm::cos(angle), libm::sin(angle), 0.0);
         if let (Some(slot), Some(turn)) = (ways.get_mut(count), largest_tilt(vehicle, &axis_r)) {
-            *slot = at(turn, TILTED);
+            *slot = at(so3::rot_z(HEADING) * turn, TILTED);
             count += 1;
         }
     }

@@ -41,6 +41,8 @@ pub(super) struct Hover {
     pub(super) momentum_rate_r: Vector3,
     /// Rotor inputs, Hz^2.
     pub(super) inputs: RotorVector,
+    /// The world's x axis, robot.
+    pub(super) x_r: Vector3,
 }
 
 impl Hover {
@@ -53,11 +55,40 @@ impl Hover {
         }
     }
 
+    /// The world's horizontal axes, robot.
+    fn horizontal_r(&self) -> [Vector3; 2] {
+        let normal = |v: Vector3| v / v.norm().max(1e-9);
+        let up_r = normal(self.specific_force_r);
+        let x_r = normal(self.x_r - up_r * up_r.dot(&self.x_r));
+        [x_r, up_r.cross(&x_r)]
+    }
+
+    /// By how much the heading differs from that of another hover, rad.
+    pub(super) fn turned_from(&self, other: &Self) -> f64 {
+        let heading = |hover: &Self| {
+            let [x_r, y_r] = hover.horizontal_r();
+            libm::atan2(y_r.x, x_r.x)
+        };
+        let turn = heading(self) - heading(other);
+        libm::fabs(libm::atan2(libm::sin(turn), libm::cos(turn)))
+    }
+
+    /// A force and a torque along each horizontal axis of the world, of these sizes.
+    pub(super) fn pushes_of_air(&self, (force, torque): (f64, f64)) -> [Wrench; 4] {
+        let [x_r, y_r] = self.horizontal_r();
+        let none = Vector3::zeros();
+        let forces = [x_r, y_r].map(|axis| Wrench { force: axis * force, torque: none });
+        let [a, b] = [x_r, y_r].map(|axis| Wrench { force: none, torque: axis * torque });
+        let [x, y] = forces;
+        [x, y, a, b]
+    }
+
     fn scaled(&self, by: f64) -> Self {
         Self {
             specific_force_r: self.specific_force_r * by,
             momentum_rate_r: self.momentum_rate_r * by,
             inputs: self.inputs * by,
+            x_r: self.x_r * by,
         }
     }
 
@@ -66,6 +97,7 @@ impl Hover {
             specific_force_r: self.specific_force_r + other.specific_force_r,
             momentum_rate_r: self.momentum_rate_r + other.momentum_rate_r,
             inputs: self.inputs + other.inputs,
+            x_r: self.x_r + other.x_r,
         }
     }
 }
@@ -106,6 +138,7 @@ impl HoverMeter {
             specific_force_r: sample.specific_force_r - sample.external_r.force / vehicle.mass(),
             momentum_rate_r: omega.cross(&momentum_r) - sample.external_r.torque,
             inputs: inputs(&sample.rotor_speeds),
+            x_r: sample.robot.rotation_wr.transpose() * Vector3::x(),
         };
         self.sum = self.sum.sum(&now.scaled(dt));
         self.time += dt;

@@ -69,7 +69,7 @@ impl SlowLearner {
         for (unknowns, time) in STRAYS {
             estimate.stray(unknowns, self.elapsed.min(LONGEST) / time);
         }
-        let largest = estimate.absorb(&self.before, prior, &estimate.about(), &hover);
+        let largest = estimate.absorb(&self.before, prior, &estimate.about(), &hover, false);
         let (correction, deviation) =
             (estimate.correction(&self.before, prior), estimate.deviations(&self.before, prior));
         if !(largest <= CREDIBLE && estimate.is_within(super::CREDIBLE.1)) {

@@ -55,25 +55,29 @@ pub(crate) fn attitudes() -> [Matrix3; 4] {
     [Matrix3::identity(), tilted(0.0), tilted(1.0), tilted(2.0)]
 }
 
-/// A tick of a hover at an attitude in which a force pulls at the tool, with the noise of the sensors; `bias` is the
-/// accelerometer's.
+/// A force at the tool, world, as a wrench on the robot, robot coordinates.
+pub(crate) fn at_tool(truth: &Vehicle, rotation_wr: &Matrix3, force_w: Vector3) -> Wrench {
+    let tool_w = Wrench { force: force_w, torque: Vector3::zeros() };
+    let at_robot = robot_wrench(&tool_w, rotation_wr, &truth.tool().position_r);
+    Wrench { force: rotation_wr.transpose() * at_robot.force, torque: at_robot.torque }
+}
+
+/// A tick of a hover at an attitude in which an external wrench acts (robot coordinates), with the noise of the sensors;
+/// `bias` is the accelerometer's.
 pub(crate) fn sampled(
     truth: &Vehicle,
     rotation_wr: &Matrix3,
-    force_w: Vector3,
+    external: &Wrench,
     bias: &Vector3,
     random: &mut Random,
 ) -> HoverSample {
-    let tool_w = Wrench { force: force_w, torque: Vector3::zeros() };
-    let at_robot = robot_wrench(&tool_w, rotation_wr, &truth.tool().position_r);
-    let external = Wrench { force: rotation_wr.transpose() * at_robot.force, torque: at_robot.torque };
     let mut robot = RobotState::at_rest(Vector3::zeros());
     robot.rotation_wr = *rotation_wr;
     let noise = Vector3::from_fn(|_, _| 0.1 * random.normal());
     HoverSample {
         robot,
         specific_force_r: rotation_wr.transpose() * Vector3::new(0.0, 0.0, GRAVITY) + bias + noise,
-        rotor_speeds: held(truth, rotation_wr, &external)
+        rotor_speeds: held(truth, rotation_wr, external)
             + RotorVector::from_fn(|i, _| if i < 6 { 0.05 * random.normal() } else { 0.0 }),
         external_r: Wrench::ZERO,
     }
@@ -84,7 +88,7 @@ pub(crate) fn left_bias(random: &mut Random) -> Vector3 {
     Vector3::from_fn(|_, _| 0.005 * random.normal())
 }
 
-/// A calibration: hovers of a truth at some attitudes, with a force at the tool by hover and time.
+/// A calibration: hovers of a truth at some attitudes, with an external wrench (robot coordinates) by hover and time.
 pub(crate) fn calibrate(
     learner: &mut ModelLearner,
     model: &Vehicle,
@@ -92,12 +96,12 @@ pub(crate) fn calibrate(
     truth: &Vehicle,
     attitudes: &[Matrix3],
     random: &mut Random,
-    touch: impl Fn(usize, f64) -> Vector3,
+    external: impl Fn(usize, f64) -> Wrench,
 ) -> Result<Learnt, Refusal> {
     let bias = left_bias(random);
     for (k, rotation_wr) in attitudes.iter().enumerate() {
         for tick in 0..2400 {
-            let sample = sampled(truth, rotation_wr, touch(k, tick as f64 * DT), &bias, random);
+            let sample = sampled(truth, rotation_wr, &external(k, tick as f64 * DT), &bias, random);
             learner.observe(model, true, &sample, DT);
         }
         let moving = HoverSample {
@@ -111,8 +115,8 @@ pub(crate) fn calibrate(
     learner.finish(model, prior)
 }
 
-pub(crate) fn nobody(_: usize, _: f64) -> Vector3 {
-    Vector3::zeros()
+pub(crate) fn nobody(_: usize, _: f64) -> Wrench {
+    Wrench::ZERO
 }
 
 /// The largest false force and torque in hovers tilted by 15 degrees in twelve directions.

@@ -55,6 +55,28 @@ fn a_blow_is_found_in_the_poses() {
     }
 }
 
+/// A line that repeats a sample for some time in a blow: the motion meanwhile was not measured, and the poses show it.
+#[test]
+fn repeated_readings_after_a_leap_are_not_believed() {
+    for (seed, reading) in [(12, Vector3::new(-12.0, -32.0, -66.0)), (13, Vector3::new(40.0, 5.0, 20.0))] {
+        let mut recording = recording(seed, 3.0);
+        let at = recording.imu.iter().position(|s| s.0 >= 2.0).unwrap();
+        let (_, gyro, force) = recording.imu[at];
+        for sample in &mut recording.imu[at..at + 6] {
+            (sample.1, sample.2) = (gyro, force + reading);
+        }
+        let poses: Vec<_> = recording.poses.iter().step_by(5).copied().collect();
+        let mut estimator = Estimator::new(params()).unwrap();
+        let mut worst = 0.0f64;
+        run(&mut estimator, &recording, &poses, |e, k| {
+            if recording.imu[k].0 > 2.06 {
+                worst = worst.max((e.robot_state().position_w - recording.truth[k].position_w).norm());
+            }
+        });
+        assert!(worst < 0.003, "{seed}: {worst}");
+    }
+}
+
 /// Poses that leave as no blow shows in the IMU: they are another body's. None is believed, and health says that
 /// there is none, while the state is as good as without poses.
 #[test]
