@@ -79,27 +79,27 @@ PAGES = (
             f"tilthex experiment {name} --truth {truth} --calibration tilts --out out/results/{truth}"
             for truth in ("measured", "cad")
             for name in (
-                "shaping --seed 4011",
-                "sliding --seed 4012",
-                "multi-contact --seed 4013",
-                "peg-in-hole --random 100 --seed 4014",
+                "shaping --seed 4051",
+                "sliding --seed 4052",
+                "multi-contact --seed 4053",
+                "peg-in-hole --random 100 --seed 4054",
             )
         ),
     ),
     Page(
         "false_contact",
         "False contact of vehicles that are not their model",
-        ("python -m benchmarks.false_contact --seeds 100 --first 3000",),
+        ("python -m benchmarks.false_contact --seeds 100 --first 3200",),
     ),
     Page(
         "free_air",
         "False contact in motion and the turn of a soft wrist, after the calibration flight",
-        ("python -m benchmarks.free_air --truth measured --truth cad --seeds 20 --first 6501",),
+        ("python -m benchmarks.free_air --truth measured --truth cad --seeds 20 --first 6521",),
     ),
     Page(
         "pull",
         "Error of the observed force under a pull, after the calibration flight (rms, mN)",
-        ("python -m benchmarks.pull --truth measured --truth cad --seeds 24 --first 6201",),
+        ("python -m benchmarks.pull --truth measured --truth cad --seeds 24 --first 6231",),
     ),
     Page(
         "wind",
@@ -108,10 +108,10 @@ PAGES = (
             f"tilthex experiment {name} --truth benchmarks/{wind.FILE.name} --calibration tilts "
             f"{wind.options()} --out out/results/wind"
             for name in (
-                "shaping --short --seed 4041 --set config.contact.point_contact=true",
-                "sliding --seed 4042 --set config.contact.point_contact=true",
-                "multi-contact --seed 4043 --set config.contact.point_contact=true",
-                "peg-in-hole --random 100 --seed 4044",
+                "shaping --short --seed 4061 --set config.contact.point_contact=true",
+                "sliding --seed 4062 --set config.contact.point_contact=true",
+                "multi-contact --seed 4063 --set config.contact.point_contact=true",
+                "peg-in-hole --random 100 --seed 4064",
             )
         ),
     ),
@@ -131,7 +131,7 @@ PAGES = (
     Page(
         "identification",
         "What fit finds in the flight of excite",
-        ("python -m benchmarks.identify 7000 24",),
+        ("python -m benchmarks.identify 30001 200",),
     ),
     Page(
         "speed",
