@@ -1,6 +1,7 @@
 """The real programs through a real pseudo-terminal: exit status, errors, signals, log, orders."""
 
 import contextlib
+import json
 import os
 import re
 import resource
@@ -140,6 +141,15 @@ def test_what_is_wrong_is_said_in_one_sentence(arguments, status, says):
     assert says in sentence(run(*arguments), status)
 
 
+def test_a_campaign_as_json_is_the_saved_result(tmp_path):
+    saved = tmp_path / "result.json"
+    flown = run("campaign", "-n", "2", "--seed", "5", "--save", saved, "--json")
+    assert flown.returncode == 0, flown
+    found = json.loads(flown.stdout)
+    assert found == json.loads(saved.read_text()) and found["seeds"] == [[5, 6]]
+    assert json.loads(run("campaign", "merge", saved, "--json").stdout) == found
+
+
 def test_a_bad_key_names_the_nearest_one(tmp_path):
     config = tmp_path / "config.toml"
     config.write_text('[vehicle]\npreset = "tilt-hex"\n[admittance]\nstifness = [6, 6, 6, 10, 10, 5]\n')
@@ -221,6 +231,9 @@ def test_orders_move_the_tool_and_the_log_replays_bit_for_bit(tmp_path):
     replayed = run("replay", log)
     assert replayed.returncode == 0, replayed
     assert "bit for bit" in replayed.stdout
+    found = json.loads(run("replay", log, "--json").stdout)
+    assert f"{found['ticks']} ticks, {found['messages']} messages" in replayed.stdout
+    assert found["first_difference"] is found["missing"] is None
 
 
 def test_kill_dash_nine_leaves_a_readable_log_and_the_vehicle_falls_back(tmp_path):

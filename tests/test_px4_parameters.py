@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import pytest
 import tilthex
 from hypothesis import given
@@ -60,10 +62,15 @@ def test_the_command_writes_and_checks_a_file(tmp_path, capsys):
     assert main(["px4", "tilt-hex", "--out", str(path)]) == 0
     assert main(["px4", "tilt-hex", "--check", str(path)]) == 0
     assert "the 6 motors of PX4 are the rotors of tilt-hex" in capsys.readouterr().out
+    assert main(["px4", "tilt-hex", "--json"]) == 0
+    written = json.loads(capsys.readouterr().out)["parameters"]
+    assert written == px4.parameters(tilthex.Vehicle.preset("tilt-hex"))
     text = path.read_text().replace("CA_ROTOR2_", "X_").replace("CA_ROTOR4_", "CA_ROTOR2_")
     path.write_text(text.replace("X_", "CA_ROTOR4_"))
-    assert main(["px4", "tilt-hex", "--check", str(path)]) == 2
-    said = capsys.readouterr().err
+    assert main(["px4", "tilt-hex", "--check", str(path), "--json"]) == 2
+    printed = capsys.readouterr()
+    said, found = printed.err, json.loads(printed.out)["differences"]
+    assert len(found) >= 2 and all(difference in said for difference in found)
     assert "motor 3 of PX4 (CA_ROTOR2) is at the place of rotor 5" in said
     assert "motor 5 of PX4 (CA_ROTOR4) is at the place of rotor 3" in said
     assert main(["px4", "quadrotor", "--check", str(path)]) == 2

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import Vehicle
+from tilthex import Vehicle, _json
 from tilthex.check import named
 
 PLACE = 0.02
@@ -39,6 +39,7 @@ def add_parser(subparsers: Any) -> None:
     todo = parser.add_mutually_exclusive_group()
     todo.add_argument("--out", type=Path, metavar="FILE.params", help="write the parameters to this file")
     todo.add_argument("--check", type=Path, metavar="FILE.params", help="check the parameters in this file")
+    _json.add_option(parser)
     parser.set_defaults(run=run)
 
 
@@ -51,16 +52,24 @@ def run(arguments: argparse.Namespace) -> None:
     vehicle = named(arguments.config).vehicle
     if arguments.check:
         found = list(differences(vehicle, read(arguments.check)))
+        if arguments.json:
+            _json.say({"vehicle": vehicle.name, "file": arguments.check, "differences": found})
         if found:
             raise ValueError(f"{arguments.check}: " + "; ".join(found))
-        print(f"{arguments.check}: the {vehicle.rotor_count} motors of PX4 are the rotors of {vehicle.name}")
+        if not arguments.json:
+            print(
+                f"{arguments.check}: the {vehicle.rotor_count} motors of PX4 are the rotors of {vehicle.name}"
+            )
         return
     lines = ["# Vehicle-Id Component-Id Name Value Type"]
     lines += [f"1\t1\t{name}\t{value}\t{TYPES[type(value)]}" for name, value in parameters(vehicle).items()]
     if arguments.out:
         arguments.out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        print(f"written: {arguments.out}")
-    else:
+        if not arguments.json:
+            print(f"written: {arguments.out}")
+    if arguments.json:
+        _json.say({"vehicle": vehicle.name, "parameters": parameters(vehicle)})
+    elif not arguments.out:
         print("\n".join(lines))
 
 

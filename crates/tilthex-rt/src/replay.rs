@@ -1,6 +1,6 @@
 //! Runs a logged flight again from its raw inputs and compares every recorded output, bit for bit.
 
-use std::{collections::VecDeque, path::Path};
+use std::{collections::VecDeque, fmt, path::Path};
 
 use prost::Message;
 use tilthex_config::{
@@ -28,6 +28,34 @@ pub struct Replay {
     pub missing: Option<String>,
 }
 
+impl Replay {
+    /// The same for scripts.
+    #[must_use]
+    pub fn json(&self) -> serde_json::Value {
+        let difference = self.first_difference.as_ref();
+        let difference = difference.map(|(tick, topic)| serde_json::json!({ "tick": tick, "topic": topic }));
+        serde_json::json!({
+            "ticks": self.ticks,
+            "messages": self.messages,
+            "first_difference": difference,
+            "missing": self.missing,
+        })
+    }
+}
+
+impl fmt::Display for Replay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        writeln!(f, "{} ticks, {} messages run again", self.ticks, self.messages)?;
+        match (&self.first_difference, &self.missing) {
+            (None, None) => writeln!(f, "every recorded output is reproduced bit for bit"),
+            (None, Some(_)) => {
+                writeln!(f, "every output in the log is reproduced bit for bit, but the log is cut")
+            }
+            (Some(_), _) => Ok(()),
+        }
+    }
+}
+
 /// Replays a log file.
 ///
 /// # Errors
@@ -49,8 +77,7 @@ pub fn replay(log: &LogReader) -> Result<Replay, String> {
                 .into(),
         );
     }
-    let set_up =
-        |e: &dyn std::fmt::Display| format!("has a configuration that this version cannot read: {e}");
+    let set_up = |e: &dyn fmt::Display| format!("has a configuration that this version cannot read: {e}");
     let config = Config::from_text(&attachments.config, Path::new("")).map_err(|e| set_up(&e))?;
     let params = config.linked_params(attachments.take_off).map_err(|e| set_up(&e))?;
     let limits = config.mission().limits();

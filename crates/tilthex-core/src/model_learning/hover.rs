@@ -154,6 +154,13 @@ impl HoverMeter {
         }
     }
 
+    /// Forgets the hover so far.
+    pub(super) fn give_up(&mut self) {
+        if self.rest > 0.0 {
+            *self = Self::default();
+        }
+    }
+
     /// Whether it has as much as it keeps.
     pub(super) fn is_full(&self) -> bool {
         self.count == BLOCKS

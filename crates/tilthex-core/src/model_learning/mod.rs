@@ -265,7 +265,8 @@ impl ModelLearner {
 
     /// The hovers of a calibration that is not over are forgotten.
     pub fn give_up(&mut self) {
-        *self = Self { slow: self.slow, ..Self::default() };
+        self.meter.give_up();
+        (self.count, self.total, self.refusal) = (0, 0, None);
     }
 }
 

@@ -44,7 +44,7 @@ impl SlowLearner {
 
     /// Time passes without a hover.
     pub(super) fn wait(&mut self, dt: f64) {
-        self.meter = HoverMeter::default();
+        self.meter.give_up();
         self.elapsed += dt;
     }
 

@@ -165,6 +165,9 @@ pub(super) enum Action {
     Replay {
         /// The log
         log: PathBuf,
+        /// Print the result as one JSON object, for scripts
+        #[arg(long)]
+        json: bool,
     },
     /// Fly many flights with random faults, in simulation on virtual time
     #[command(args_conflicts_with_subcommands = true)]

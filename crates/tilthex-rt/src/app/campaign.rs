@@ -38,6 +38,9 @@ pub(super) struct Flights {
     /// Also write the result to this new file, for `campaign merge`
     #[arg(long, value_name = "FILE.json")]
     save: Option<PathBuf>,
+    /// Print the result as one JSON object, for scripts: what --save writes
+    #[arg(long)]
+    json: bool,
 }
 
 /// An action on the results of campaigns.
@@ -51,10 +54,13 @@ pub(super) enum Results {
         /// Also write the merged result to this new file
         #[arg(long, value_name = "FILE.json")]
         save: Option<PathBuf>,
+        /// Print the merged result as one JSON object, for scripts
+        #[arg(long)]
+        json: bool,
     },
 }
 
-/// Flies the flights and prints their table. Of a single flight, whose result is not saved, it prints every event.
+/// Flies the flights and prints their table. Of a single flight, whose result is not written, it prints every event.
 pub(super) fn fly(flights: &Flights) -> Result<(), Failure> {
     let &Flights { number, seed, .. } = flights;
     if seed.checked_add(number).is_none() {
@@ -66,7 +72,7 @@ pub(super) fn fly(flights: &Flights) -> Result<(), Failure> {
     let kinds = if flights.faults.is_empty() { Kind::ALL } else { &flights.faults };
     let truth = TruthSection::named(&flights.truth)?;
     let config = args::read(flights.config.as_deref())?;
-    if number == 1 && flights.save.is_none() {
+    if number == 1 && flights.save.is_none() && !flights.json {
         return tell(&config, &truth, kinds, seed);
     }
     let tell_progress = |ended| {
@@ -80,11 +86,11 @@ pub(super) fn fly(flights: &Flights) -> Result<(), Failure> {
     output::settle();
     let summary = summary?;
     let part = Part::new(&config, &truth, kinds, number, seed, summary);
-    finish(flights.save.as_deref(), &part)
+    finish(flights.save.as_deref(), &part, flights.json)
 }
 
 /// Merges the results of several machines and prints their table.
-pub(super) fn merge(Results::Merge { files, save: merged }: &Results) -> Result<(), Failure> {
+pub(super) fn merge(Results::Merge { files, save: merged, json }: &Results) -> Result<(), Failure> {
     check_new(merged.as_deref())?;
     let mut whole: Option<Part> = None;
     for file in files {
@@ -99,7 +105,7 @@ pub(super) fn merge(Results::Merge { files, save: merged }: &Results) -> Result<
     let whole = whole.ok_or_else(|| Failure::usage("no file to merge; expected at least one"))?;
     let ranges: Vec<_> = whole.seeds().iter().map(|(first, last)| format!("{first} to {last}")).collect();
     output::error(format_args!("{} files with the seeds {}", files.len(), ranges.join(", ")));
-    finish(merged.as_deref(), &whole)
+    finish(merged.as_deref(), &whole, *json)
 }
 
 /// Prints the story of one flight.
@@ -120,21 +126,30 @@ fn tell(config: &Config, truth: &TruthSection, kinds: &[Kind], seed: u64) -> Res
     outcome.failure.map_or(Ok(()), |f| Err(Failure::fault(format!("flight {seed} failed: {f}"))))
 }
 
-/// Saves a result and prints its table, also if it cannot be saved.
-fn finish(path: Option<&Path>, part: &Part) -> Result<(), Failure> {
+/// Saves a result and prints it, also if it cannot be saved.
+fn finish(path: Option<&Path>, part: &Part, as_json: bool) -> Result<(), Failure> {
     let saved = path.map_or(Ok(()), |path| save(path, part));
-    let shown = show(part.summary(), part.flights());
-    saved.and(shown)
+    let text = if as_json { json(part)? + "\n" } else { table(part.summary()) };
+    output::print(&text)?;
+    saved.and(verdict(part.summary(), part.flights()))
 }
 
-/// Prints the table of a campaign and its failures.
-fn show(summary: &Summary, number: u64) -> Result<(), Failure> {
+fn json(part: &Part) -> Result<String, Failure> {
+    serde_json::to_string_pretty(part).map_err(|e| Failure::machine(format!("the result is no JSON: {e}")))
+}
+
+/// The table of a campaign, and its failures.
+fn table(summary: &Summary) -> String {
     let mut text = summary.table();
-    let failures = summary.failures();
-    for (seed, failure) in failures.iter().take(SHOWN_FAILURES) {
+    for (seed, failure) in summary.failures().iter().take(SHOWN_FAILURES) {
         text += &format!("failed: seed {seed}: {failure}\n");
     }
-    output::print(&text)?;
+    text
+}
+
+/// Whether no flight failed.
+fn verdict(summary: &Summary, number: u64) -> Result<(), Failure> {
+    let failures = summary.failures();
     match failures.first_key_value() {
         None => Ok(()),
         Some((seed, first)) => Err(Failure::fault(format!(
@@ -166,7 +181,7 @@ fn check_new(path: Option<&Path>) -> Result<(), Failure> {
 
 fn save(path: &Path, part: &Part) -> Result<(), Failure> {
     let failed = |e: std::io::Error| Failure::machine(format!("{}: cannot be written: {e}", path.display()));
-    let text = serde_json::to_string_pretty(part).map_err(|e| failed(e.into()))?;
+    let text = json(part)?;
     let mut file = OpenOptions::new().write(true).create_new(true).open(path).map_err(failed)?;
     file.write_all(text.as_bytes()).and_then(|()| file.sync_all()).map_err(failed)
 }

@@ -47,13 +47,13 @@ pub fn run() -> Result<(), Failure> {
         }
         Some(Action::Completion(completion)) => completion.print(Args::command()),
         Some(Action::Console(args)) => console::run(args),
-        Some(Action::Replay { log }) => {
+        Some(Action::Replay { log, json }) => {
             let found = replay::file(log)?;
-            output::print(&format!("{} ticks, {} messages run again\n", found.ticks, found.messages))?;
+            let text = if *json { format!("{:#}\n", found.json()) } else { found.to_string() };
+            output::print(&text)?;
             match (found.first_difference, found.missing) {
-                (None, None) => output::print("every recorded output is reproduced bit for bit\n"),
+                (None, None) => Ok(()),
                 (None, Some(missing)) => {
-                    output::print("every output in the log is reproduced bit for bit, but the log is cut\n")?;
                     let message = format!("{}: {missing}", log.display());
                     Err(Failure { kind: failure::Kind::Incomplete, message })
                 }
