@@ -10,6 +10,7 @@
 
 mod about_tool;
 mod cuts;
+mod search;
 mod turn;
 
 use crate::{
@@ -22,7 +23,8 @@ use crate::{
 };
 use about_tool::{AboutTool, Led};
 use cuts::{Plane, Sphere};
-use libm::atan2;
+use libm::{acos, atan2, sqrt};
+use search::{STEPS, Trial, search};
 use turn::TurnFilter;
 pub use turn::{TurnLimits, TurnState};
 
@@ -121,6 +123,8 @@ impl Default for AttitudeParams {
 pub struct AttitudeSelector {
     params: AttitudeParams,
     section: ForceSection,
+    /// The largest force that all rotors can produce, N, if it is known.
+    largest: Option<f64>,
     weight: f64,
     /// Smallest and largest upward force, N, for which a turn is chosen.
     vertical: (f64, f64),
@@ -136,8 +140,8 @@ pub struct AttitudeState {
     pub turn: TurnState,
     led: Led,
     search: AllocatorState,
-    /// Part of the horizontal force that was possible in the last call, in steps.
-    part: u16,
+    /// The horizontal force that was possible in the last call, N, if it was not the whole one.
+    possible: Option<f64>,
 }
 
 /// The attitude to fly.
@@ -155,8 +159,6 @@ pub struct Attitude {
 const ROUNDS: usize = 20;
 /// A force counts as inside the section if its distance from it is this part of its size.
 const INSIDE: f64 = 1e-8;
-/// Steps of the horizontal force in search of the largest possible.
-const STEPS: u16 = 1 << 12;
 /// The vertical force for which a turn is chosen is at least this part of the weight, because the upward direction
 /// must be known in a fall too. It is also at least this many times the smallest possible one, so that less
 /// horizontal force is never harder to produce.
@@ -207,7 +209,7 @@ impl AttitudeSelector {
             ((LEAST_VERTICAL * weight).max(ABOVE_LEAST * farthest(-far)), MOST_VERTICAL * farthest(far));
         let tool = *vehicle.tool();
         let about_tool = AboutTool::new(&tool.position_r);
-        Self { params, section, weight, vertical, filter, tool, about_tool }
+        Self { params, largest: section.largest(), section, weight, vertical, filter, tool, about_tool }
     }
 
     /// The parameters.
@@ -266,29 +268,48 @@ impl AttitudeSelector {
         force_w: &Vector3,
         rotors: &RotorStatus,
     ) -> (Vector3, Vector3) {
-        let last = state.part;
-        let mut turn = |force_w: &Vector3| self.turn(state, rotation_wr, force_w, rotors);
-        let whole = turn(force_w);
-        if whole.is_some_and(|t| t == Vector3::zeros()) {
+        let last = state.possible.take();
+        if self.is_possible(state, rotation_wr, force_w, rotors) {
             return (Vector3::zeros(), *force_w);
         }
+        let mut turn = |force_w: &Vector3| self.turn(state, rotation_wr, force_w, rotors);
         let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
         let hover = so3::exp(&upright).transpose();
-        let least = so3::trace(self.params.max_turn);
-        // `dot` is the trace of the rotation from the hover attitude.
-        let kept = |turn: &Vector3| hover.transpose().dot(&so3::exp(turn)) >= least;
-        let all = Vector3::new(force_w.x, force_w.y, vertical);
-        let whole = if all == *force_w { whole } else { turn(&all) };
-        if let Some(t) = whole.filter(kept) {
-            return (t, *force_w);
-        }
         let cut = |part: u16| f64::from(part) / f64::from(STEPS);
-        let (best, part) = largest(last, upright, |part| {
-            turn(&Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, vertical)).filter(kept)
+        let none = Trial { turn: upright, room: self.params.max_turn };
+        let horizontal = force_w.xy().norm();
+        let steps = |possible: f64| (f64::from(STEPS) * (possible / horizontal).min(1.0)) as u16;
+        // No turn makes a larger force possible than the largest.
+        let largest = self.largest.filter(|_| rotors.lost == 0).unwrap_or(f64::INFINITY);
+        let most = steps(sqrt((largest * largest - vertical * vertical).max(0.0)));
+        let (best, part) = search(last.map_or(most, steps).min(most), most, none, |part| {
+            let force_w = Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, vertical);
+            let turn = turn(&force_w)?;
+            // The cosine of the rotation from the hover attitude.
+            let cosine = 0.5 * (hover.transpose().dot(&so3::exp(&turn)) - 1.0);
+            Some(Trial { turn, room: self.params.max_turn - acos(cosine.clamp(-1.0, 1.0)) })
         });
-        state.part = part;
+        if part == STEPS {
+            return (best, *force_w);
+        }
+        state.possible = Some(cut(part) * horizontal);
         (best, Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, force_w.z))
+    }
+
+    /// Whether no turn is necessary.
+    fn is_possible(
+        &self,
+        state: &mut AttitudeState,
+        rotation_wr: &Matrix3,
+        force_w: &Vector3,
+        rotors: &RotorStatus,
+    ) -> bool {
+        let (force_r, size) = (rotation_wr.transpose() * force_w, force_w.norm());
+        let unsure = size.is_nan() || size.is_infinite();
+        !unsure
+            && (size < 1e-6 * self.weight
+                || self.section.cut(&mut state.search, &force_r, rotors, INSIDE * size).is_none())
     }
 
     /// The smallest rotation vector, wanted body coordinates, whose turn makes the force possible; `None` if no turn
@@ -343,27 +364,6 @@ impl AttitudeSelector {
         }
         Some(guess)
     }
-}
-
-/// The largest allowed step below [`STEPS`], and its turn; that of step 0 is known. The step of
-/// the last call is tried first, then steps farther and farther from it, then halves; without a last step, halves only.
-fn largest(last: u16, at_none: Vector3, mut allowed: impl FnMut(u16) -> Option<Vector3>) -> (Vector3, u16) {
-    let (mut best, mut low, mut high) = (at_none, 0, STEPS);
-    let (mut next, mut reach) = (last, if last == 0 { STEPS } else { 1 });
-    while high - low > 1 {
-        if next <= low || next >= high {
-            next = low + (high - low) / 2;
-        }
-        if let Some(turn) = allowed(next) {
-            (best, low) = (turn, next);
-            next = low.saturating_add(reach);
-        } else {
-            high = next;
-            next = high.saturating_sub(reach);
-        }
-        reach = reach.saturating_mul(4);
-    }
-    (best, low)
 }
 
 /// The reference, level, with its heading.

@@ -3,7 +3,7 @@
 use super::{AllocatorState, RotorStatus, levels::Levels, within};
 use crate::{
     Vehicle,
-    types::{MAX_ROTORS, RotorVector, Vector3, Vector6, Wrench},
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector3, Vector6, Wrench},
     vehicle::{Allocation as Matrix, AllocationInverse, inputs},
 };
 
@@ -27,6 +27,19 @@ struct Face {
     normal: Vector3,
     lower: f64,
     upper: f64,
+}
+
+/// A corner counts as inside the set if it is beyond a face by this part of its size.
+const INSIDE: f64 = 1e-9;
+
+/// The points where limits of three faces meet.
+fn corners(faces: [&Face; 3]) -> impl Iterator<Item = Vector3> {
+    let normals = Matrix3::from_rows(&faces.map(|face| face.normal.transpose()));
+    let inverse = normals.try_inverse();
+    (0..8u8).filter_map(move |choice| {
+        let [a, b, c] = [0, 1, 2].map(|i| if choice >> i & 1 == 0 { faces[i].lower } else { faces[i].upper });
+        inverse.map(|inverse| inverse * Vector3::new(a, b, c))
+    })
 }
 
 impl ForceSection {
@@ -90,6 +103,27 @@ impl ForceSection {
             }
         }
         cut
+    }
+
+    /// The largest force of the set, N, if the set is known by its faces: at a corner.
+    pub(crate) fn largest(&self) -> Option<f64> {
+        let faces = self.faces.as_ref()?;
+        let mut largest: f64 = 0.0;
+        for (k, a) in faces.iter().enumerate() {
+            for (j, b) in faces.iter().enumerate().take(k) {
+                for c in faces.iter().take(j) {
+                    for corner in corners([a, b, c]) {
+                        let slack = INSIDE * corner.norm();
+                        let inside = faces.iter().all(|face| {
+                            let along = face.normal.dot(&corner);
+                            (face.lower - slack..=face.upper + slack).contains(&along)
+                        });
+                        largest = if inside { largest.max(corner.norm()) } else { largest };
+                    }
+                }
+            }
+        }
+        Some(largest)
     }
 
     /// The force of the set that is nearest to `force_r`, N, and the torque that is left if lost rotors allow no

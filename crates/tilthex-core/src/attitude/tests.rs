@@ -306,3 +306,57 @@ proptest! {
         }
     }
 }
+
+/// The search ends at the border, wherever it begins, after few trials if turns grow smoothly, and after some if they do not.
+#[test]
+fn the_largest_step_is_found_in_few_trials() {
+    let mut random = crate::random::Random::new(6);
+    let (mut most, mut sum) = ([0u32; 2], 0u32);
+    const COUNT: u32 = 20_000;
+    for _ in 0..COUNT {
+        let uniform = |random: &mut crate::random::Random| {
+            0.5 + 0.5 * libm::erf(random.normal() / core::f64::consts::SQRT_2)
+        };
+        let (slope, curve) = (0.3 + 3.0 * uniform(&mut random), 0.8 * uniform(&mut random) - 0.3);
+        let corner = if uniform(&mut random) < 0.3 { uniform(&mut random) } else { 2.0 };
+        let max = 0.6;
+        let angle = |part: u16| {
+            let x = f64::from(part) / f64::from(STEPS);
+            (x < corner).then(|| libm::atan(slope * x + curve * x * x * slope))
+        };
+        let border = (0..=STEPS).rev().find(|p| angle(*p).is_some_and(|a| a <= max)).unwrap();
+        for first in [STEPS, (f64::from(border) + 4.0 * random.normal()).clamp(0.0, 4096.0) as u16] {
+            let mut trials = 0;
+            let none = Trial { turn: Vector3::zeros(), room: max };
+            let (turn, part) = search(first, STEPS, none, |part| {
+                trials += 1;
+                let a = angle(part)?;
+                Some(Trial { turn: Vector3::new(a, 0.0, 0.0), room: max - a })
+            });
+            assert_eq!(part, border, "{slope} {curve} {corner} {first}");
+            assert_eq!(turn.x, angle(part).unwrap());
+            let smooth = usize::from(corner < 1.0);
+            most[smooth] = most[smooth].max(trials);
+            sum += trials;
+        }
+    }
+    std::println!("{most:?}, mean {:.2}", f64::from(sum) / f64::from(2 * COUNT));
+    assert!(most[0] <= 8 && most[1] <= 16, "{most:?}");
+}
+
+/// A force of a size has a turn if and only if the size is at most that of the farthest corner of the section.
+#[test]
+fn no_turn_makes_more_than_the_largest_force_possible() {
+    let s = selector(&tilt_hex());
+    let largest = s.section.largest().unwrap();
+    let mut random = crate::random::Random::new(7);
+    let mut turn = |size: f64| {
+        let f = Vector3::from_fn(|_, _| random.normal()).normalize() * size;
+        s.turn(&mut AttitudeState::default(), &Matrix3::identity(), &f, &RotorStatus::default())
+    };
+    for _ in 0..1000 {
+        assert!(turn(1.0001 * largest).is_none());
+        assert!(turn(0.9999 * largest).is_some());
+    }
+    assert!(selector(&collinear()).section.largest().is_none());
+}
