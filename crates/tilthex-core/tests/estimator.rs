@@ -7,6 +7,8 @@ mod flight;
 mod weighing;
 #[path = "estimator/without_imu.rs"]
 mod without_imu;
+#[path = "estimator/wrong_gyro.rs"]
+mod wrong_gyro;
 
 use flight::{Motion, Recording, flipped};
 use proptest::prelude::*;

@@ -17,6 +17,7 @@ mod fusion;
 mod gate;
 mod health;
 mod history;
+mod insistent;
 mod kept_bias;
 mod leaps;
 mod output;

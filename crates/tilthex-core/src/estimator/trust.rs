@@ -18,6 +18,8 @@ const EXPECTED_MEDIAN: f64 = 5.348;
 const MOST_LEVEL: f64 = 100.0;
 /// Two surprising poses agree if the square of their difference is below this share of the square of one of them.
 const SAME: f64 = 0.25;
+/// Two differences have about the same direction if the cosine between them is above this.
+const ALIKE: f64 = 0.9;
 /// Weight of an accepted pose in the estimate of the noise.
 const NOISE_SHARE: f64 = 0.05;
 /// Smallest deviations after the state was replaced by that of poses.
@@ -62,6 +64,15 @@ impl Said {
         Vector3::from(self.rotation.map(f64::from))
     }
 
+    /// Whether the difference of another pose has about the same direction, measured by the noises of position and rotation.
+    fn points_as(&self, other: &Self, (position, rotation): (f64, f64)) -> bool {
+        let along = |a: &Self, b: &Self| {
+            a.position().dot(&b.position()) / (position * position)
+                + a.rotation().dot(&b.rotation()) / (rotation * rotation)
+        };
+        along(self, other) > ALIKE * sqrt(along(self, self) * along(other, other))
+    }
+
     /// Whether another pose said the same, measured by the noises of position and rotation.
     fn agrees(&self, other: &Self, (position, rotation): (f64, f64)) -> bool {
         let size = |p: Vector3, r: Vector3| {
@@ -79,7 +90,7 @@ pub(super) struct Trust {
     pub(super) accepted: f64,
     /// Noise of the poses divided by the configured noise, from 1 on.
     pub(super) noise: f64,
-    /// The last surprising poses, and how many there have been in a row.
+    /// What the last poses said, and how many surprising ones there have been in a row.
     refused: [Said; REFUSALS],
     in_a_row: u8,
     /// How many of the last ones said the same, one after the other.
@@ -149,6 +160,13 @@ impl Trust {
         before.is_some_and(|before| said.agrees(before, noises))
     }
 
+    /// Whether the differences of this pose and of the two before it have about the same direction, whether they were surprising
+    /// or not.
+    pub(super) fn insists(&self, said: &Said, noises: (f64, f64)) -> bool {
+        let [.., before, last] = &self.refused;
+        said.points_as(last, noises) && last.points_as(before, noises)
+    }
+
     /// Whether this pose says the same as those that contradicted the state, and samples have become doubtful only since then.
     /// `doubtful` says this for a time before the pose, s.
     pub(super) fn contradicts_still(
@@ -205,11 +223,16 @@ impl Trust {
     /// Counts a surprising pose; `noises` are those of position and rotation.
     pub(super) fn weigh(&mut self, said: Said, noises: (f64, f64)) {
         self.alike = if self.repeats(&said, noises) { self.alike.saturating_add(1) } else { 1 };
+        self.note(said);
+        self.in_a_row = self.in_a_row.saturating_add(1);
+    }
+
+    /// Remembers what a pose said.
+    pub(super) fn note(&mut self, said: Said) {
         self.refused.rotate_left(1);
         if let Some(slot) = self.refused.last_mut() {
             *slot = said;
         }
-        self.in_a_row = self.in_a_row.saturating_add(1);
     }
 
     /// Counts a pose that contradicts the state. If there are enough such poses in a row, returns what they say

@@ -67,7 +67,7 @@ impl Missed {
 impl Estimator {
     /// Corrects the head with a pose.
     pub(super) fn apply(&mut self, pose: &PoseEntry) -> PoseReport {
-        self.head.applied = pose.time;
+        let period = pose.time - core::mem::replace(&mut self.head.applied, pose.time);
         let measured = self.params.imu_pose(&self.derived, &pose.position, &pose.rotation);
         let own = self.head.trust.noise * self.head.trust.noise;
         let refused = report(pose.time, Outcome::Rejected, f64::INFINITY, None);
@@ -84,14 +84,21 @@ impl Estimator {
         let nis = whole.squared(6);
         let gate = self.derived.gate_pose;
         let said = Said::new(pose.time - self.head.trust.accepted, &whole.residual);
+        let follows = self.follows_rotation(&measured, &whole, &said, period);
         let (noises, next) = (self.noises(), self.head.next_sample);
         let doubtful = |since: f64| self.samples.doubt(next, pose.time, DOUBT.min(since), DOUBT).is_some();
-        let outcome = if self.head.trust.contradicts_still(&said, noises, doubtful) {
+        let outcome = if follows {
+            self.head.trust.noise = 1.0;
+            self.head.trust.accept(pose.time, 1.0);
+            self.head.trust.note(said);
+            Outcome::Accepted
+        } else if self.head.trust.contradicts_still(&said, noises, doubtful) {
             self.head.trust.weigh(said, noises);
             Outcome::Rejected
         } else if surprise <= gate || surprise <= gate * self.head.trust.level() {
             self.head.state.apply(trusted);
             self.head.trust.accept(pose.time, nis / 6.0);
+            self.head.trust.note(said);
             Outcome::Accepted
         } else {
             self.surprised(pose, &measured, &whole, said, surprise)
@@ -104,7 +111,7 @@ impl Estimator {
     }
 
     /// The innovation of a pose of the IMU, with the configured variances multiplied by these scales.
-    fn innovation(&self, measured: &ImuPose, scales: Scales) -> Option<Innovation<6>> {
+    pub(super) fn innovation(&self, measured: &ImuPose, scales: Scales) -> Option<Innovation<6>> {
         innovation(&self.head.state, measured, &self.params.pose_noise(measured, scales))
     }
 
@@ -210,7 +217,7 @@ impl Estimator {
     }
 
     /// Configured deviations of position (m) and rotation (rad).
-    fn noises(&self) -> (f64, f64) {
+    pub(super) fn noises(&self) -> (f64, f64) {
         (self.params.position_noise, self.params.rotation_noise)
     }
 
@@ -332,7 +339,7 @@ impl Estimator {
 
 /// The scale of some variances with which an innovation is at the gate. `at` gives the innovation for a scale;
 /// `surprise` is its value at 1. It never falls faster than the scale grows, so that no step goes too far.
-fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
+pub(super) fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>) -> Option<f64> {
     let (mut by, mut now) = (1.0, surprise);
     for _ in 0..SEARCH_STEPS {
         by *= now / gate;
@@ -347,7 +354,11 @@ fn to_gate(surprise: f64, gate: f64, most: f64, at: impl Fn(f64) -> Option<f64>)
     None
 }
 
-fn innovation(state: &UkfState, measured: &ImuPose, noise: &crate::ukf::PoseNoise) -> Option<Innovation<6>> {
+pub(super) fn innovation(
+    state: &UkfState,
+    measured: &ImuPose,
+    noise: &crate::ukf::PoseNoise,
+) -> Option<Innovation<6>> {
     state.pose_innovation(&measured.position_w, &measured.rotation_wi, noise)
 }
 

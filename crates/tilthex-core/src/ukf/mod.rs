@@ -225,6 +225,14 @@ impl UkfState {
         self.limit();
     }
 
+    /// Multiplies the deviations of the rotation by `factor`.
+    pub fn loosen_rotation(&mut self, factor: f64) {
+        for i in ROTATION..ROTATION + 3 {
+            self.covariance.scale(i, factor);
+        }
+        self.limit();
+    }
+
     /// Whether mean and covariance are finite, and the covariance positive definite.
     #[must_use]
     pub fn is_sound(&self) -> bool {

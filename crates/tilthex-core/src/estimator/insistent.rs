@@ -1,0 +1,71 @@
+//! Rotations on which poses insist.
+//!
+//! If the gyro is wrong (its scale, its range), the rotation of the state drifts from that of every pose in the same
+//! direction. No noise of poses explains this: noises differ from pose to pose. If poses were weighed down for it, the
+//! state would lose them for good. Therefore three poses whose differences have the same direction, while their positions do not
+//! surprise, show an error of the state: its rotation is loosened until the innovation is at the gate.
+
+use super::{
+    Estimator,
+    params::ImuPose,
+    trust::Said,
+    weighing::{innovation, to_gate, turn},
+};
+use crate::{GRAVITY, ukf::Innovation};
+use libm::sqrt;
+
+/// A larger difference does not come from a drift over three poses, rad.
+const LARGEST: f64 = 0.35;
+/// Variance of a rotation that says nothing, in configured variances.
+const UNKNOWN: f64 = 1e6;
+/// Largest scale of the rotation's variances.
+const MOST: f64 = 1e6;
+
+/// A pose is compared with this many before it.
+const BEFORE: f64 = 2.0;
+/// Longest time between poses over which gravity in the wrong direction is allowed for, s.
+const LONGEST: f64 = 0.1;
+
+impl Estimator {
+    /// Corrects the head with a pose if its rotation surprises as that of the two poses before, and its position does not, or by
+    /// no more than gravity in the wrong direction explains. `period` is the time since the pose before, s.
+    pub(super) fn follows_rotation(
+        &mut self,
+        measured: &ImuPose,
+        whole: &Innovation<6>,
+        said: &Said,
+        period: f64,
+    ) -> bool {
+        let (gate, nis, turned) = (self.derived.gate_pose, whole.squared(6), turn(&whole.residual));
+        let modelled = self.head.kept_bias.is_some();
+        if modelled || nis <= gate || turned > LARGEST || !self.head.trust.insists(said, self.noises()) {
+            return false;
+        }
+        let alone = self.innovation(measured, (1.0, UNKNOWN));
+        let placed = alone.is_some_and(|alone| alone.squared(6) <= gate);
+        let time = (BEFORE + 1.0) * period.min(LONGEST);
+        if !placed && said.position().norm() > 0.5 * GRAVITY * turned * time * time {
+            return false;
+        }
+        let noise = self.params.pose_noise(measured, (1.0, 1.0));
+        let loosened = |by: f64| {
+            let mut state = self.head.state;
+            if placed {
+                state.loosen_rotation(sqrt(by));
+            } else {
+                state.loosen(sqrt(by));
+            }
+            state
+        };
+        let scale =
+            to_gate(nis, gate, MOST, |by| innovation(&loosened(by), measured, &noise).map(|i| i.squared(6)));
+        let corrected = scale.map(loosened).and_then(|mut state| {
+            let passing = innovation(&state, measured, &noise)?;
+            state.apply(&passing);
+            Some(state)
+        });
+        let Some(corrected) = corrected else { return false };
+        self.head.state = corrected;
+        true
+    }
+}
