@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tilthex import Vehicle
-from tilthex._toml import tomllib
+from tilthex._mounted import mounted_rpy_deg
 
 SCENES = ("free", "plane")
 """The scenes that need no more than an experiment's questions."""
@@ -125,7 +125,7 @@ def experiment(path: Path) -> str:
     title = ask("title", stem)
     flown = ask("vehicle: a preset or a TOML file", "tilt-hex")
     named = Vehicle.named(str(path.parent / flown) if flown.endswith(".toml") else flown)
-    turned = tomllib.loads(named.to_toml())["vehicle"]["tool_rotation_deg"]
+    turned = list(mounted_rpy_deg(named))
     scene = ask(f"scene: {', '.join(SCENES)}, or a file of your own (.xml, .py)", "plane")
     if scene not in SCENES and not scene.endswith((".xml", ".py")):
         raise ValueError(f"scene is {scene!r}; expected {', '.join(SCENES)}, or a file .xml or .py")

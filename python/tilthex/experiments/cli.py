@@ -166,7 +166,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     for one in runs:
         stem = f"{page_name}-{report.slug(one.name)}"
         fly = _through_the_wire if arguments.wire else _in_this_process
-        record, said = fly(one, arguments, stem)
+        record, said, landed = fly(one, arguments, stem)
         # A flight that was thrown away, or that the supervisor held, is not the one that is judged.
         if record.complete and not (arguments.wire and record.ended):
             flights.append((one, record))
@@ -174,6 +174,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         else:
             checks.append(Check(f"{one.name}: flown to its end", "yes", "", f"no: {record.ended}", False))
             pictures[one.name] = report.overview(record)
+        checks += landed
         record.save(arguments.out / f"{stem}.npz")
         notes.append("; ".join(filter(None, (f"{one.name}: {said}", one.truth_name(), record.ended))))
         if arguments.video:
@@ -198,7 +199,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     return page, checks
 
 
-def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str, list[Check]]:
     from tqdm import tqdm
 
     from tilthex.experiments.flight import fly
@@ -208,10 +209,10 @@ def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tupl
         record = fly(one, exact=arguments.state == "exact", progress=bar.update)
     length = record.time[-1]
     speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
-    return record, speed
+    return record, speed, []
 
 
-def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str, list[Check]]:
     from tqdm import tqdm
 
     from tilthex.experiments import wire, wire_record
@@ -221,7 +222,7 @@ def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tup
     with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, **_BAR) as bar:
         said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
     record, notes = wire_record.read(one, wire.route(one), files)
-    return record, "; ".join(notes + said)
+    return record, "; ".join(notes + said), wire_record.landing(one, files)
 
 
 def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
