@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tilthex import Config, LoopModel, Vehicle, _json, polytope
 from tilthex._colours import YELLOW, coloured
+from tilthex._toml import tomllib
 
 Array = NDArray[np.float64]
 LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
@@ -55,8 +56,29 @@ def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
 
 
 def named(name: str) -> Config:
-    """The configuration in a TOML file (also a vehicle's file), or the default one of a preset."""
-    return Config.default(Vehicle.preset(name)) if name in Vehicle.presets() else Config.from_toml(name)
+    """The configuration in a TOML file (also a vehicle's file), or the default one of a preset.
+
+    Raises:
+        ValueError: The file cannot be read, or is none; it says so of an experiment's file.
+    """
+    if name in Vehicle.presets():
+        return Config.default(Vehicle.preset(name))
+    try:
+        return Config.from_toml(name)
+    except ValueError as error:
+        if _is_experiment(Path(name)):
+            raise ValueError(
+                f"{name} is the file of an experiment; expected a configuration, a vehicle's file or a "
+                "preset: take the vehicle that its key `vehicle` names"
+            ) from error
+        raise
+
+
+def _is_experiment(path: Path) -> bool:
+    try:
+        return "trajectory" in tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
 
 
 def add_parser(subparsers: Any) -> None:
@@ -96,6 +118,7 @@ def add_parser(subparsers: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Prints the result, and plots it on request."""
     config = named(arguments.config)
+    config.check_hover()
     model = LoopModel(config)
     spread = drawn(config, arguments.truth, arguments.draws) if arguments.draws > 0 else None
     found = summary(config.vehicle, model, spread, arguments)
