@@ -7,6 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from tilthex._needed import require
 from tilthex.simulation import TRUTH_HELP
 
 if TYPE_CHECKING:
+    from tilthex.experiments.judge import Judge
     from tilthex.experiments.record import Check, Record
     from tilthex.experiments.spec import Experiment, Run
 
@@ -111,6 +113,8 @@ def run(arguments: argparse.Namespace) -> None:
             from tilthex.experiments import wire
 
             wire.check(experiment)
+        for one in experiment.runs:
+            _check_configuration(arguments.name, one)
         _say(arguments, experiment.title)
         if arguments.random is not None and arguments.case is None:
             page, checks = _campaign(experiment, arguments)
@@ -127,6 +131,15 @@ def run(arguments: argparse.Namespace) -> None:
         report.write(arguments.out, "index", "The experiments", about, everything, {}, "", _command(), links)
     if arguments.json:
         _json.say({"experiments": said})
+
+
+def _check_configuration(name: str, run: Run) -> None:
+    """Refuses a wrong configuration, and a vehicle that cannot hover."""
+    try:
+        found = run.configuration()
+    except ValueError as error:
+        raise ValueError(f"{name}: [config]: {error}") from error
+    found.check_hover()
 
 
 def _say(arguments: argparse.Namespace, text: str) -> None:
@@ -167,22 +180,24 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         stem = f"{page_name}-{report.slug(one.name)}"
         fly = _through_the_wire if arguments.wire else _in_this_process
         record, said, landed = fly(one, arguments, stem)
+        kept = arguments.out / f"{stem}.npz"
+        record.save(kept)
         # A flight that was thrown away, or that the supervisor held, is not the one that is judged.
         if record.complete and not (arguments.wire and record.ended):
             flights.append((one, record))
-            checks += judged.checks(one, record)
+            checks += _judged(judged, partial(_checked, judged, one, record), record, kept)
         else:
             checks.append(Check(f"{one.name}: flown to its end", "yes", "", f"no: {record.ended}", False))
             pictures[one.name] = report.overview(record)
         checks += landed
-        record.save(arguments.out / f"{stem}.npz")
         notes.append("; ".join(filter(None, (f"{one.name}: {said}", one.truth_name(), record.ended))))
         if arguments.video:
             from tilthex.experiments.video import render
 
             render(one, record, arguments.out / f"{stem}.gif")
     if flights:
-        pictures |= judged.figures(flights)
+        record = flights[-1][1]
+        pictures |= _judged(judged, lambda: judged.figures(flights), record, arguments.out)
     page = report.write(
         arguments.out,
         page_name,
@@ -197,6 +212,25 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     if arguments.wire:
         _say(arguments, "\n".join(notes))
     return page, checks
+
+
+def _judged(judge: Judge, call: Callable[[], Any], record: Record, kept: Path) -> Any:
+    """What a judge returns; an exception becomes one sentence that says where the flight is kept."""
+    from tilthex.experiments.found import complaint
+
+    try:
+        return call()
+    except Exception as error:
+        raise ValueError(f"{complaint(error, judge, record)}; the flight is kept in {kept}") from error
+
+
+def _checked(judge: Judge, run: Run, record: Record) -> list[Check]:
+    from tilthex.experiments.record import Check
+
+    found = judge.checks(run, record)
+    if not isinstance(found, list) or not all(isinstance(one, Check) for one in found):
+        raise TypeError(f"`checks` returned {found!r}; expected a list of Check")
+    return found
 
 
 def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str, list[Check]]:

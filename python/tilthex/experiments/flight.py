@@ -37,7 +37,7 @@ def fly(
     """
     chain: tilthex.Loop | Own
     if controller is None:
-        chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
+        chain = tilthex.Loop(run.configuration())
     else:
         chain, exact = Own(controller), True
     drawn = run.drawn()

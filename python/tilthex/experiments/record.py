@@ -64,7 +64,7 @@ class Record:
             columns: dict[str, Vector] = self.__dict__["columns"]
             return columns[name]
         except KeyError:
-            raise AttributeError(name) from None
+            raise AttributeError(f"the record has no column {name!r}") from None
 
     def take(self, chain: dict[str, Vector], tool_rotation_r: Vector) -> None:
         """Adds the record of the controller, and the tool's orientation."""
@@ -133,6 +133,16 @@ def rms(values: Vector) -> float:
 
 def below(what: str, value: float, limit: float, unit: str, *, paper: str = "", scale: float = 1.0) -> Check:
     """A check that a measured number does not exceed a limit."""
-    return Check(
-        what, f"at most {limit * scale:g} {unit}", paper, f"{value * scale:.3g} {unit}", value <= limit
-    )
+    return _bounded(what, value, "at most", limit, unit, paper, scale, value <= limit)
+
+
+def above(what: str, value: float, limit: float, unit: str, *, paper: str = "", scale: float = 1.0) -> Check:
+    """A check that a measured number reaches a limit."""
+    return _bounded(what, value, "at least", limit, unit, paper, scale, value >= limit)
+
+
+def _bounded(
+    what: str, value: float, side: str, limit: float, unit: str, paper: str, scale: float, passed: bool
+) -> Check:
+    measured = f"{value * scale:.3g} {unit}"
+    return Check(what, f"{side} {limit * scale:g} {unit}", paper, measured, bool(passed))
