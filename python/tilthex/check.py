@@ -184,6 +184,7 @@ def report(found: dict[str, Any]) -> Iterator[str]:
     """The lines for a person, of a `summary`."""
     drawn = found["drawn"]
     worst = f"; worst of {drawn['draws']} vehicles of {drawn['truth']}" if drawn else ""
+    any_low = False
     yield f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}"
     for axis, margins in found["axes"].items():
         phase, peak = margins["phase_margin_deg"], margins["sensitivity_peak"]
@@ -197,7 +198,14 @@ def report(found: dict[str, Any]) -> Iterator[str]:
             least = margins["drawn_phase_margin_deg"]
             line += f"; drawn {least:.1f} deg, {margins['drawn_sensitivity_peak']:.2f}"
             good = good and least >= LEAST_DRAWN_PHASE_MARGIN
+        any_low = any_low or not good
         yield line + ("" if good else coloured("  <- low", YELLOW, sys.stdout))
+    if any_low:
+        of_drawn = f", or of a drawn vehicle below {LEAST_DRAWN_PHASE_MARGIN:g} deg" if drawn else ""
+        yield (
+            f"  low: a phase margin below {LEAST_PHASE_MARGIN:g} deg, a sensitivity peak above "
+            f"{LARGEST_PEAK:g}{of_drawn}; `tilthex tune` derives gains with more"
+        )
     if drawn and drawn["unstable"]:
         yield f"  {drawn['unstable']} of the drawn vehicles are unstable"
     yield from _contact(found["contact"])
@@ -211,12 +219,10 @@ def report(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _contact(contact: dict[str, Any]) -> Iterator[str]:
-    yield (
-        "contact: stable at these stiffnesses, of an environment with "
-        f"{1e3 * contact['damping_time']:g} ms of damping; in brackets: the largest without damping"
-    )
+    yield f"contact with an environment that has {1e3 * contact['damping_time']:g} ms of damping"
     for name, ranges in contact["along"].items():
-        yield f"  along {name}: {_ranges(ranges, 'N/m')} ({border(contact['along_undamped'][name], 'N/m')})"
+        undamped = border(contact["along_undamped"][name], "N/m")
+        yield f"  along {name}: {_ranges(ranges, 'N/m')}; without damping: up to {undamped}"
     worst = contact["worst"]
     yield f"  worst, along {np.round(worst['direction'], 2).tolist()}: {_ranges(worst['stable'], 'N/m')}"
     for name, ranges in contact["about"].items():
@@ -225,24 +231,35 @@ def _contact(contact: dict[str, Any]) -> Iterator[str]:
         meaning = (
             f"unstable below an apparent mass of {least:.3g} kg"
             if math.isfinite(least)
-            else "not stable as it is"
+            else "not stable with these values; a larger damping of [admittance] helps"
         )
         yield f"  along {name}, up to {contact['stiffness']:g} N/m: {meaning}"
 
 
 def _number(stiffness: float) -> str:
-    return "any" if stiffness >= ANY else f"{stiffness:.3g}"
+    return f"{float(f'{stiffness:.3g}'):g}"
 
 
 def _ranges(found: list[tuple[float, float]], unit: str) -> str:
+    """The ranges of stable stiffness, in words."""
     if not found:
-        return "none"
-    return ", ".join(f"{_number(low)} to {_number(high)}" for low, high in found) + f" {unit}"
+        return "no stiffness is stable"
+    words = []
+    for low, high in found:
+        if low > 0.0:
+            words.append(f"unstable up to {_number(low)} {unit}")
+        if high < ANY:
+            words.append(f"stable up to {_number(high)} {unit}")
+        else:
+            words.append("stable above" if low > 0.0 else "stable at any stiffness")
+    return ", ".join(words)
 
 
 def border(found: list[tuple[float, float]], unit: str) -> str:
     """Up to which stiffness all contact is stable, in words."""
-    return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
+    if not found or found[0][0] > 0.0:
+        return "no stiffness"
+    return "any stiffness" if found[0][1] >= ANY else f"{_number(found[0][1])} {unit}"
 
 
 def _plot(model: LoopModel, path: Path) -> None:
