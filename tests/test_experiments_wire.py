@@ -138,6 +138,8 @@ def test_the_way_home_ends_level_above_the_stand() -> None:
         ([-0.74, 0.0, 0.12], {"flying": 1, "landing": ORDERED}, [False, True]),
         ([-1.3, 0.0, 0.15], {"holding": 1 << 26}, [True, False]),
         ([-1.3, 0.0, 0.15], {"landing": 1 << 1 | ORDERED}, [True, False]),
+        # At the touch-down.
+        ([-1.3, 0.0, 0.15], {"landing": 1 << 26 | ORDERED}, [True, True]),
         # On the ground, before the first pose.
         ([-1.3, 0.0, 0.15], {"disarmed": 0x63}, [True, True]),
     ],

@@ -70,22 +70,30 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
 
 
 def landing(run: Run, files: Files) -> list[Check]:
-    """Whether the whole flight ended where it began, and without a fault that holds or lands the vehicle."""
+    """Whether the whole flight ended where it began, and without a fault that holds or lands the vehicle.
+
+    What only holds does not count in a landing: the ground exerts a wrench.
+    """
     flight = log.read(files.log, ["/flight"])["/flight"]
     with np.load(files.truth) as data:
         first, last = data["robot_position"][[0, -1]]
-    aloft = np.unique(flight["faults"][log.flying(flight["phase"])].astype(np.int64))
-    bits = int(np.bitwise_or.reduce(aloft, initial=0))
+    phase, active = flight["phase"], flight["faults"].astype(np.int64)
+    aloft, free = (_any(active[rows]) for rows in (log.flying(phase), np.isin(phase, log.FREE_FLIGHT)))
     found = [
         fault.name
         for bit, fault in enumerate(FAULTS)
-        if bits >> bit & 1 and fault.in_flight != "note" and fault.name != ORDERED
+        if (fault.in_flight in ("land", "descend") and aloft >> bit & 1 and fault.name != ORDERED)
+        or (fault.in_flight == "hold" and free >> bit & 1)
     ]
     away = float(np.linalg.norm(last - first))
     return [
         below(f"{run.name}: the landing is beside the start by", away, BESIDE, "mm", scale=1e3),
         Check(f"{run.name}: faults in flight", "none", "", ", ".join(found) or "none", not found),
     ]
+
+
+def _any(bits: NDArray[np.int64]) -> int:
+    return int(np.bitwise_or.reduce(bits, initial=0))
 
 
 def _begin(columns: dict[str, log.Columns], path: Path) -> float:
