@@ -205,7 +205,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         experiment.about,
         checks,
         pictures,
-        "\n".join([experiment.text, *_truths(runs)]),
+        _parameters(experiment, runs, arguments),
         _command(),
         notes,
     )
@@ -291,7 +291,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
         experiment.about,
         checks,
         {"cases": campaign.figure(found)},
-        experiment.text,
+        _parameters(experiment, (base,), arguments),
         _command(),
         [campaign.failures(found, _command())],
     )
@@ -300,6 +300,20 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
 
 def _level(run: Run) -> str:
     return f", each with its own vehicle ({run.truth_name().split(',')[0]})" if run.truth_name() else ""
+
+
+def _parameters(experiment: Experiment, runs: Sequence[Run], arguments: argparse.Namespace) -> str:
+    """The experiment's file, the changes of the command line, the files of vehicle and scene, the truths."""
+    named = (
+        Path(name)
+        for run in runs
+        for name in (run.vehicle.get("file"), run.world.get("scene"))
+        if isinstance(name, str)
+    )
+    files = [path for path in dict.fromkeys(named) if path.is_absolute() and path.is_file()]
+    changed = [f"# --set {item}" for item in arguments.set]
+    texts = [f"# {path.name}\n{path.read_text(encoding='utf-8')}" for path in files]
+    return "\n".join([experiment.text, *changed, *texts, *_truths(runs)])
 
 
 def _truths(runs: Sequence[Run]) -> list[str]:
