@@ -178,6 +178,17 @@ def test_a_module_without_a_judge_says_so(tmp_path: Path, capsys: pytest.Capture
     assert found == 2 and "own.py has no JUDGE; expected JUDGE = Judge(checks, figures)" in said
 
 
+def test_a_module_that_cannot_be_imported_is_named_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("mujoco")
+    (tmp_path / "own.toml").write_text(WAYS)
+    (tmp_path / "own.py").write_text("first = 1\nJUDGE = Jugde(first)\n")
+    found, said = status(capsys, "experiment", tmp_path / "own.toml", "--out", tmp_path / "out")
+    assert found == 2
+    assert f"{tmp_path / 'own.py'}, line 2: cannot be imported: NameError: name 'Jugde' is not" in said
+
+
 def test_a_number_above_and_below_a_limit() -> None:
     pytest.importorskip("mujoco")
     from tilthex.experiments.record import above, below
