@@ -18,12 +18,13 @@ pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install '
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
+from tilthex import __main__ as command
 from tilthex._faults import FAULTS
 from tilthex._programs import program
 from tilthex.experiments import spec, stand, wire, wire_record
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.plan import trajectory_of
-from tilthex.experiments.record import Record, rms
+from tilthex.experiments.record import Check, Record, rms
 from tilthex.experiments.world_process import MAX_ROTORS, STATE, Stepper
 
 pytestmark = pytest.mark.real_time
@@ -156,6 +157,21 @@ def test_a_landing_elsewhere_or_on_a_fault_falls_short(
     flight = {"phase": np.array(list(bits)), "faults": np.array(list(bits.values()), dtype=float)}
     monkeypatch.setattr(wire_record.log, "read", lambda path, topics: {"/flight": flight})
     assert [check.passed for check in wire_record.landing(brief(), files)] == passed
+
+
+def test_a_flight_that_left_its_way_names_the_fault_and_the_landing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def off(*_: object) -> None:
+        raise ValueError("its set-points are off the trajectory")
+
+    fault = Check("K_y = 10: faults in flight", "none", "", "IMU silent", False)
+    monkeypatch.setattr(wire, "fly", lambda *_, **__: [])
+    monkeypatch.setattr(wire_record, "read", off)
+    monkeypatch.setattr(wire_record, "landing", lambda *_: [fault])
+    assert command.main(["experiment", "sliding", "--wire", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "off the trajectory; K_y = 10: faults in flight: IMU silent" in said
 
 
 def test_a_written_world_is_the_run(tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_a_terminal_is_asked_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     inertia, position = "0.9\n0.01\n0.01\n0.03\n0.03\n0.05\n", "35\n0.3\n0\n0\n"
-    rotors = "0.3\n30\n10\n-1\n0.0016\n-2\n0.00003\n1\n9000\n90\n"
+    rotors = "-0.3\n0.3\n30\n10\n-1\n0.0016\n-2\n0.00003\n1\n9000\n90\n"
     answers = f"wasp\n-3\nheavy\n3.2\n{inertia}7\n0.04\n{position}aside\nforward\n{rotors}"
     monkeypatch.setattr(sys, "stdin", Terminal(answers))
     assert command.main(["new", "vehicle", str(tmp_path / "mine.toml")]) == 0
@@ -79,6 +79,7 @@ def test_a_terminal_is_asked_again(
         "rotor_time_constant is 7",
         "tool_position is 35.0000 m",
         "is 'aside'; expected one of",
+        "arm is -0.3",
         "thrust_coefficient = -1",
         "drag_coefficient = -2",
         "up to 9000 Hz",

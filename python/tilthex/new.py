@@ -158,6 +158,8 @@ def vehicle(path: Path) -> str:
     ):
 
         def fits(found: float, name: str = name) -> None:
+            if name == "arm" and not found > 0.0:
+                raise ValueError(f"arm is {found:g}; expected a positive number, m")
             beside = {"max_speed": FASTEST} if name == "min_speed" else {}
             _fits({"tilted_hexarotor": rotors | beside | {name: found}})
 

@@ -255,8 +255,13 @@ def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tup
     shape = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s"
     with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, **_BAR) as bar:
         said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
-    record, notes = wire_record.read(one, wire.route(one), files)
-    return record, "; ".join(notes + said), wire_record.landing(one, files)
+    landed = wire_record.landing(one, files)
+    try:
+        record, notes = wire_record.read(one, wire.route(one), files)
+    except ValueError as error:
+        wrong = [f"{check.what}: {check.measured}" for check in landed if not check.passed]
+        raise ValueError("; ".join([str(error), *wrong])) from error
+    return record, "; ".join(notes + said), landed
 
 
 def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
