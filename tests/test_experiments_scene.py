@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,14 @@ import pytest
 
 pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install 'tilthex[experiments]'")
 
+import matplotlib.pyplot as plt
 import mujoco
 import tilthex
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from test_experiments_world import world_at
+from tilthex import __main__ as command
 from tilthex.experiments import own_scene, report, spec, video
 from tilthex.experiments.flight import fly
 from tilthex.experiments.record import Check
@@ -164,3 +167,44 @@ def test_a_report_without_checks_says_where_they_come_from() -> None:
     assert "a module beside the file" in said and said in report.table([])
     one = Check("error", "at most 1 mm", "", "0.5 mm", True)
     assert "required" in report.text_table([one]) and "no checks" not in report.table([one])
+    # The paper's column is there only if the paper has a value.
+    assert "paper" not in report.text_table([one]) and "<th>paper" not in report.table([one])
+    other = replace(one, paper="2 mm")
+    assert "paper" in report.text_table([one, other]) and "<th>paper" in report.table([one, other])
+
+
+def test_the_report_has_the_files_of_vehicle_and_scene_and_the_changes(tmp_path: Path) -> None:
+    (tmp_path / "button.xml").write_text(BUTTON)
+    (tmp_path / "own.toml").write_text('[vehicle]\npreset = "tilt-hex"\nname = "my-own"\n')
+    (tmp_path / "mine.toml").write_text(
+        f'vehicle = "own.toml"\n[world]\nscene = "button.xml"\n{WAY}hold = 0.1\n'
+    )
+    change = "seed=17"
+    call = ["experiment", str(tmp_path / "mine.toml"), "--out", str(tmp_path / "out"), "--set", change]
+    assert command.main(call) == 0
+    page = html.unescape((tmp_path / "out" / "mine.html").read_text())
+    assert BUTTON in page and 'name = "my-own"' in page and f"# --set {change}\n" in page
+
+
+def test_the_overview_has_one_legend_and_shows_small_motions() -> None:
+    run = spec.load("pressing", short=True).runs[0]
+    record = fly(run, exact=True)
+    figure = report.overview(record)
+    panels = figure.axes
+    try:
+        assert not any(panel.get_legend() for panel in panels)
+        [legend] = figure.legends
+        assert [text.get_text() for text in legend.get_texts()] == [
+            *"xyz",
+            *("set-point", "reference", "true", "estimated"),
+        ]
+        for axis, panel in zip("xyz", panels[:6:2], strict=True):
+            assert panel.get_ylabel() == f"tool position {axis}, m"
+            low, high = panel.get_ylim()
+            drawn = [record.setpoint_position, record.reference_position, record.tool_position]
+            span = float(np.ptp([values[:, "xyz".index(axis)] for values in drawn]))
+            assert report.LEAST_SPAN - 1e-12 <= high - low <= max(report.LEAST_SPAN, 1.2 * span) + 1e-3
+        named = {text.get_text() for text in panels[0].texts}
+        assert named and named <= set(record.phases)
+    finally:
+        plt.close(figure)

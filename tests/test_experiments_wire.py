@@ -18,11 +18,13 @@ pytest.importorskip("mujoco", reason="the experiments need MuJoCo: pip install '
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 from mcap_protobuf.decoder import DecoderFactory
+from tilthex import __main__ as command
+from tilthex._faults import FAULTS
 from tilthex._programs import program
-from tilthex.experiments import spec, wire, wire_record
+from tilthex.experiments import spec, stand, wire, wire_record
 from tilthex.experiments.found import judge_of
 from tilthex.experiments.plan import trajectory_of
-from tilthex.experiments.record import Record, rms
+from tilthex.experiments.record import Check, Record, rms
 from tilthex.experiments.world_process import MAX_ROTORS, STATE, Stepper
 
 pytestmark = pytest.mark.real_time
@@ -41,6 +43,8 @@ BRIEF = {
         ],
     }
 }
+
+ORDERED = 1 << next(bit for bit, fault in enumerate(FAULTS) if fault.name == "operator")
 
 
 def brief() -> spec.Run:
@@ -115,6 +119,59 @@ def test_the_run_is_the_same_with_and_without_the_wire() -> None:
                 assert np.allclose(one.rotation, other.rotation, atol=1e-9)
                 assert np.allclose(one.wrench, other.wrench, atol=1e-9)
                 assert one.force_axes == other.force_axes
+
+
+def test_the_way_home_ends_level_above_the_stand() -> None:
+    for rotation in ([0.0, 0.0, 0.0], [0.0, -90.0, 0.0], [180.0, 0.0, 0.0], [10.0, -40.0, 70.0]):
+        vehicle = {"preset": "tilt-hex", "tool_position": [0.55, 0.1, 0.0], "tool_rotation_deg": rotation}
+        run = spec.load("sliding", changes={"vehicle": vehicle}).runs[0]
+        model, home = run.model(), wire.route(run).waypoints[-1]
+        robot = home.rotation @ model.tool_rotation.T
+        np.testing.assert_allclose(robot, np.eye(3), atol=1e-9)
+        above = stand.start(model) + np.array([0.0, 0.0, wire.TAKE_OFF])
+        np.testing.assert_allclose(home.position - robot @ model.tool_position, above, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("end", "bits", "passed"),
+    [
+        ([-1.3, 0.01, 0.15], {"flying": 1, "landing": ORDERED}, [True, True]),
+        ([-0.74, 0.0, 0.12], {"flying": 1, "landing": ORDERED}, [False, True]),
+        ([-1.3, 0.0, 0.15], {"holding": 1 << 26}, [True, False]),
+        ([-1.3, 0.0, 0.15], {"landing": 1 << 1 | ORDERED}, [True, False]),
+        # At the touch-down.
+        ([-1.3, 0.0, 0.15], {"landing": 1 << 26 | ORDERED}, [True, True]),
+        # On the ground, before the first pose.
+        ([-1.3, 0.0, 0.15], {"disarmed": 0x63}, [True, True]),
+    ],
+)
+def test_a_landing_elsewhere_or_on_a_fault_falls_short(
+    end: list[float],
+    bits: dict[str, int],
+    passed: list[bool],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    files = wire.Files.beside(tmp_path / "flight")
+    np.savez(files.truth, robot_position=[[-1.3, 0.0, 0.15], [0.5, 0.0, 1.0], end])
+    flight = {"phase": np.array(list(bits)), "faults": np.array(list(bits.values()), dtype=float)}
+    monkeypatch.setattr(wire_record.log, "read", lambda path, topics: {"/flight": flight})
+    assert [check.passed for check in wire_record.landing(brief(), files)] == passed
+
+
+def test_a_flight_that_left_its_way_names_the_fault_and_the_landing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def off(*_: object) -> None:
+        raise ValueError("its set-points are off the trajectory")
+
+    fault = Check("K_y = 10: faults in flight", "none", "", "IMU silent", False)
+    monkeypatch.setattr(wire, "fly", lambda *_, **__: [])
+    monkeypatch.setattr(wire_record, "read", off)
+    monkeypatch.setattr(wire_record, "landing", lambda *_: [fault])
+    assert command.main(["experiment", "sliding", "--wire", "--out", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "off the trajectory; K_y = 10: faults in flight: IMU silent" in said
 
 
 def test_a_written_world_is_the_run(tmp_path: Path) -> None:

@@ -101,8 +101,43 @@ def test_check_prints_and_plots(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     low = [line.split()[0] for line in done.stdout.splitlines() if line.endswith("<- low")]
     assert {"roll", "pitch", "yaw"} <= set(low)
+    assert "low: a phase margin below 45 deg" in done.stdout and "`tilthex tune`" in done.stdout
     assert "along x" in done.stdout and "the tip pushes" in done.stdout
     assert (tmp_path / "loops.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("found", "words", "up_to"),
+    [
+        ([], "no stiffness is stable", "no stiffness"),
+        ([(0.0, 1e6)], "stable at any stiffness", "any stiffness"),
+        ([(0.0, 1642.0)], "stable up to 1640 N/m", "1640 N/m"),
+        (
+            [(0.0, 344.0), (6920.0, 1e6)],
+            "stable up to 344 N/m, unstable up to 6920 N/m, stable above",
+            "344 N/m",
+        ),
+        ([(20.0, 80.0)], "unstable up to 20 N/m, stable up to 80 N/m", "no stiffness"),
+    ],
+)
+def test_ranges_of_stiffness_are_words(found, words, up_to):
+    assert check._ranges(found, "N/m") == words
+    assert check.border(found, "N/m") == up_to
+
+
+def test_a_contact_that_is_not_stable_says_what_helps():
+    contact = {
+        "damping_time": 1e-3,
+        "along": {},
+        "along_undamped": {},
+        "worst": {"direction": np.eye(3)[0], "stable": []},
+        "about": {},
+        "stiffness": 5e3,
+        "least_apparent_mass": {"x": np.inf, "y": 0.3},
+    }
+    *_, along_x, along_y = check._contact(contact)
+    assert along_x.endswith("a larger damping of [admittance] helps")
+    assert along_y.endswith("unstable below an apparent mass of 0.3 kg")
 
 
 def test_tuned_gains_are_toml_with_reasons_that_reads_back(capsys):

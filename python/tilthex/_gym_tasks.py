@@ -228,4 +228,4 @@ def _run(name: str) -> Run:
 
 
 def _configured(run: Run) -> tilthex.Config:
-    return tilthex.Config.default(run.model()).replace(**run.config)
+    return run.configuration()

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tilthex import Config, LoopModel, Vehicle, _json, polytope
 from tilthex._colours import YELLOW, coloured
+from tilthex._toml import tomllib
 
 Array = NDArray[np.float64]
 LEAST_PHASE_MARGIN = LoopModel.least_phase_margin_deg
@@ -55,8 +56,29 @@ def drawn(config: Config, truth: str, draws: int, first: int = 0) -> Spread:
 
 
 def named(name: str) -> Config:
-    """The configuration in a TOML file (also a vehicle's file), or the default one of a preset."""
-    return Config.default(Vehicle.preset(name)) if name in Vehicle.presets() else Config.from_toml(name)
+    """The configuration in a TOML file (also a vehicle's file), or the default one of a preset.
+
+    Raises:
+        ValueError: The file cannot be read, or is none; it says so of an experiment's file.
+    """
+    if name in Vehicle.presets():
+        return Config.default(Vehicle.preset(name))
+    try:
+        return Config.from_toml(name)
+    except ValueError as error:
+        if _is_experiment(Path(name)):
+            raise ValueError(
+                f"{name} is the file of an experiment; expected a configuration, a vehicle's file or a "
+                "preset: take the vehicle that its key `vehicle` names"
+            ) from error
+        raise
+
+
+def _is_experiment(path: Path) -> bool:
+    try:
+        return "trajectory" in tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
 
 
 def add_parser(subparsers: Any) -> None:
@@ -96,6 +118,7 @@ def add_parser(subparsers: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Prints the result, and plots it on request."""
     config = named(arguments.config)
+    config.check_hover()
     model = LoopModel(config)
     spread = drawn(config, arguments.truth, arguments.draws) if arguments.draws > 0 else None
     found = summary(config.vehicle, model, spread, arguments)
@@ -161,6 +184,7 @@ def report(found: dict[str, Any]) -> Iterator[str]:
     """The lines for a person, of a `summary`."""
     drawn = found["drawn"]
     worst = f"; worst of {drawn['draws']} vehicles of {drawn['truth']}" if drawn else ""
+    any_low = False
     yield f"hover{'' if found['stable'] else ', UNSTABLE'}: phase margin, sensitivity peak{worst}"
     for axis, margins in found["axes"].items():
         phase, peak = margins["phase_margin_deg"], margins["sensitivity_peak"]
@@ -174,7 +198,14 @@ def report(found: dict[str, Any]) -> Iterator[str]:
             least = margins["drawn_phase_margin_deg"]
             line += f"; drawn {least:.1f} deg, {margins['drawn_sensitivity_peak']:.2f}"
             good = good and least >= LEAST_DRAWN_PHASE_MARGIN
+        any_low = any_low or not good
         yield line + ("" if good else coloured("  <- low", YELLOW, sys.stdout))
+    if any_low:
+        of_drawn = f", or of a drawn vehicle below {LEAST_DRAWN_PHASE_MARGIN:g} deg" if drawn else ""
+        yield (
+            f"  low: a phase margin below {LEAST_PHASE_MARGIN:g} deg, a sensitivity peak above "
+            f"{LARGEST_PEAK:g}{of_drawn}; `tilthex tune` derives gains with more"
+        )
     if drawn and drawn["unstable"]:
         yield f"  {drawn['unstable']} of the drawn vehicles are unstable"
     yield from _contact(found["contact"])
@@ -188,12 +219,10 @@ def report(found: dict[str, Any]) -> Iterator[str]:
 
 
 def _contact(contact: dict[str, Any]) -> Iterator[str]:
-    yield (
-        "contact: stable at these stiffnesses, of an environment with "
-        f"{1e3 * contact['damping_time']:g} ms of damping; in brackets: the largest without damping"
-    )
+    yield f"contact with an environment that has {1e3 * contact['damping_time']:g} ms of damping"
     for name, ranges in contact["along"].items():
-        yield f"  along {name}: {_ranges(ranges, 'N/m')} ({border(contact['along_undamped'][name], 'N/m')})"
+        undamped = border(contact["along_undamped"][name], "N/m")
+        yield f"  along {name}: {_ranges(ranges, 'N/m')}; without damping: up to {undamped}"
     worst = contact["worst"]
     yield f"  worst, along {np.round(worst['direction'], 2).tolist()}: {_ranges(worst['stable'], 'N/m')}"
     for name, ranges in contact["about"].items():
@@ -202,24 +231,35 @@ def _contact(contact: dict[str, Any]) -> Iterator[str]:
         meaning = (
             f"unstable below an apparent mass of {least:.3g} kg"
             if math.isfinite(least)
-            else "not stable as it is"
+            else "not stable with these values; a larger damping of [admittance] helps"
         )
         yield f"  along {name}, up to {contact['stiffness']:g} N/m: {meaning}"
 
 
 def _number(stiffness: float) -> str:
-    return "any" if stiffness >= ANY else f"{stiffness:.3g}"
+    return f"{float(f'{stiffness:.3g}'):g}"
 
 
 def _ranges(found: list[tuple[float, float]], unit: str) -> str:
+    """The ranges of stable stiffness, in words."""
     if not found:
-        return "none"
-    return ", ".join(f"{_number(low)} to {_number(high)}" for low, high in found) + f" {unit}"
+        return "no stiffness is stable"
+    words = []
+    for low, high in found:
+        if low > 0.0:
+            words.append(f"unstable up to {_number(low)} {unit}")
+        if high < ANY:
+            words.append(f"stable up to {_number(high)} {unit}")
+        else:
+            words.append("stable above" if low > 0.0 else "stable at any stiffness")
+    return ", ".join(words)
 
 
 def border(found: list[tuple[float, float]], unit: str) -> str:
     """Up to which stiffness all contact is stable, in words."""
-    return f"{_number(found[0][1])} {unit}" if found and found[0][0] == 0.0 else "none"
+    if not found or found[0][0] > 0.0:
+        return "no stiffness"
+    return "any stiffness" if found[0][1] >= ANY else f"{_number(found[0][1])} {unit}"
 
 
 def _plot(model: LoopModel, path: Path) -> None:

@@ -21,6 +21,8 @@ from tilthex._quaternions import quaternion_from_rotation
 Vector = NDArray[np.float64]
 
 
+TOOL_LENGTH = 0.2
+"""Length of the tool's rod behind its tip, m."""
 TOOL_RADIUS = 0.003
 """Radius of the tool's rod, m; its tip is a half-sphere about the tool's origin."""
 
@@ -115,7 +117,7 @@ def to_mjcf(
     feet: Sequence[ET.Element] = (),
     position: Iterable[float] = (0.0, 0.0, 1.0),
     rotation: Vector | None = None,
-    tool_length: float = 0.2,
+    tool_length: float = TOOL_LENGTH,
     rod: Rod | None = None,
 ) -> str:
     """A MuJoCo model of a vehicle among the bodies and geoms of `world`.

@@ -177,11 +177,17 @@ def _phases(panel: Any, flight: log.Columns, begin: float, *, named: bool) -> No
     edges = [0, *(np.flatnonzero(phase[1:] != phase[:-1]) + 1).tolist(), len(time) - 1]
     for first, last in itertools.pairwise(edges):
         name = str(phase[first])
-        panel.axvspan(time[first], time[last], color=SHADES.get(name, "1.0"), lw=0, zorder=0)
-        if named and time[last] - time[first] > 0.017 * len(name) * time[-1]:
-            middle, above = 0.5 * (time[first] + time[last]), panel.get_xaxis_transform()
-            panel.text(middle, 1.02, name, transform=above, ha="center", fontsize=7, color="0.3")
+        room = 0.017 * time[-1] if named else np.inf
+        mark(panel, name, time[first], time[last], SHADES.get(name, "1.0"), room, fontsize=7)
     panel.margins(x=0)
+
+
+def mark(panel: Any, name: str, begin: float, end: float, shade: str, room: float, fontsize: float) -> None:
+    """Shades a phase, and names it above the panel if every letter gets `room`, s."""
+    panel.axvspan(begin, end, color=shade, lw=0, zorder=0)
+    if end - begin > room * len(name):
+        middle, above = 0.5 * (begin + end), panel.get_xaxis_transform()
+        panel.text(middle, 1.02, name, transform=above, ha="center", fontsize=fontsize, color="0.3")
 
 
 __all__ = ["add_parser", "figure"]

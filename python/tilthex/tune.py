@@ -41,6 +41,7 @@ def add_parser(subparsers: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Prints the sections, or writes them."""
     config = named(arguments.config)
+    config.check_hover()
     found = summary(config)
     if arguments.json:
         _json.say(found)

@@ -101,7 +101,10 @@ impl Config {
     }
 
     /// Refuses a vehicle whose rotors cannot carry its weight within their limits, in any attitude.
-    pub(super) fn check_hover(&self) -> Result<(), ConfigError> {
+    ///
+    /// # Errors
+    /// Says at which speed a rotor would turn in level hover, and its limits.
+    pub fn check_hover(&self) -> Result<(), ConfigError> {
         let vehicle = self.vehicle.vehicle();
         let weight = vehicle.weight();
         let allocator = Allocator::new(vehicle);

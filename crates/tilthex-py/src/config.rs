@@ -75,6 +75,11 @@ impl Config {
         Ok((convert::array1(py, params.body_position_r.as_slice()), rotation))
     }
 
+    /// Raises `ValueError` if the rotors cannot carry the weight within their limits, in any attitude.
+    fn check_hover(&self) -> PyResult<()> {
+        self.checked.check_hover().map_err(convert::config_error)
+    }
+
     /// One sentence for each pair of blocks whose poles are too close to each other.
     #[getter]
     fn warnings(&self) -> Vec<String> {

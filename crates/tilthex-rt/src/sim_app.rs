@@ -83,7 +83,8 @@ pub struct Args {
     #[arg(long, value_name = "PART", default_value_t = 0.0)]
     pub mocap_loss: f64,
 
-    /// A file of pushes on the tool
+    /// A file of pushes on the tool, tables `[[push]]` with `at` (s since the first motor was ordered to start),
+    /// `duration` (s), `force` (N) and `torque` (N m), world axes
     #[arg(long, value_name = "FILE.toml")]
     pub pushes: Option<PathBuf>,
 

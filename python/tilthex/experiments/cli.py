@@ -7,6 +7,7 @@ import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from tilthex._needed import require
 from tilthex.simulation import TRUTH_HELP
 
 if TYPE_CHECKING:
+    from tilthex.experiments.judge import Judge
     from tilthex.experiments.record import Check, Record
     from tilthex.experiments.spec import Experiment, Run
 
@@ -111,6 +113,8 @@ def run(arguments: argparse.Namespace) -> None:
             from tilthex.experiments import wire
 
             wire.check(experiment)
+        for one in experiment.runs:
+            _check_configuration(arguments.name, one)
         _say(arguments, experiment.title)
         if arguments.random is not None and arguments.case is None:
             page, checks = _campaign(experiment, arguments)
@@ -127,6 +131,15 @@ def run(arguments: argparse.Namespace) -> None:
         report.write(arguments.out, "index", "The experiments", about, everything, {}, "", _command(), links)
     if arguments.json:
         _json.say({"experiments": said})
+
+
+def _check_configuration(name: str, run: Run) -> None:
+    """Refuses a wrong configuration, and a vehicle that cannot hover."""
+    try:
+        found = run.configuration()
+    except ValueError as error:
+        raise ValueError(f"{name}: [config]: {error}") from error
+    found.check_hover()
 
 
 def _say(arguments: argparse.Namespace, text: str) -> None:
@@ -166,22 +179,25 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     for one in runs:
         stem = f"{page_name}-{report.slug(one.name)}"
         fly = _through_the_wire if arguments.wire else _in_this_process
-        record, said = fly(one, arguments, stem)
+        record, said, landed = fly(one, arguments, stem)
+        kept = arguments.out / f"{stem}.npz"
+        record.save(kept)
         # A flight that was thrown away, or that the supervisor held, is not the one that is judged.
         if record.complete and not (arguments.wire and record.ended):
             flights.append((one, record))
-            checks += judged.checks(one, record)
+            checks += _judged(judged, partial(_checked, judged, one, record), record, kept)
         else:
             checks.append(Check(f"{one.name}: flown to its end", "yes", "", f"no: {record.ended}", False))
             pictures[one.name] = report.overview(record)
-        record.save(arguments.out / f"{stem}.npz")
+        checks += landed
         notes.append("; ".join(filter(None, (f"{one.name}: {said}", one.truth_name(), record.ended))))
         if arguments.video:
             from tilthex.experiments.video import render
 
             render(one, record, arguments.out / f"{stem}.gif")
     if flights:
-        pictures |= judged.figures(flights)
+        record = flights[-1][1]
+        pictures |= _judged(judged, lambda: judged.figures(flights), record, arguments.out)
     page = report.write(
         arguments.out,
         page_name,
@@ -189,7 +205,7 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
         experiment.about,
         checks,
         pictures,
-        "\n".join([experiment.text, *_truths(runs)]),
+        _parameters(experiment, runs, arguments),
         _command(),
         notes,
     )
@@ -198,7 +214,26 @@ def _fly(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, l
     return page, checks
 
 
-def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+def _judged(judge: Judge, call: Callable[[], Any], record: Record, kept: Path) -> Any:
+    """What a judge returns; an exception becomes one sentence that says where the flight is kept."""
+    from tilthex.experiments.found import complaint
+
+    try:
+        return call()
+    except Exception as error:
+        raise ValueError(f"{complaint(error, judge, record)}; the flight is kept in {kept}") from error
+
+
+def _checked(judge: Judge, run: Run, record: Record) -> list[Check]:
+    from tilthex.experiments.record import Check
+
+    found = judge.checks(run, record)
+    if not isinstance(found, list) or not all(isinstance(one, Check) for one in found):
+        raise TypeError(f"`checks` returned {found!r}; expected a list of Check")
+    return found
+
+
+def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str, list[Check]]:
     from tqdm import tqdm
 
     from tilthex.experiments.flight import fly
@@ -208,10 +243,10 @@ def _in_this_process(one: Run, arguments: argparse.Namespace, stem: str) -> tupl
         record = fly(one, exact=arguments.state == "exact", progress=bar.update)
     length = record.time[-1]
     speed = f"{length:.1f} s in {record.seconds:.1f} s, {length / record.seconds:.1f} times real time"
-    return record, speed
+    return record, speed, []
 
 
-def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str]:
+def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tuple[Record, str, list[Check]]:
     from tqdm import tqdm
 
     from tilthex.experiments import wire, wire_record
@@ -220,8 +255,13 @@ def _through_the_wire(one: Run, arguments: argparse.Namespace, stem: str) -> tup
     shape = "{desc}: {percentage:3.0f}%|{bar}| {n:.0f}/{total:.0f} s"
     with tqdm(total=wire.expected(one), desc=one.name, bar_format=shape, **_BAR) as bar:
         said = wire.fly(one, files, progress=lambda seconds: bar.update(min(seconds, bar.total - bar.n)))
-    record, notes = wire_record.read(one, wire.route(one), files)
-    return record, "; ".join(notes + said)
+    landed = wire_record.landing(one, files)
+    try:
+        record, notes = wire_record.read(one, wire.route(one), files)
+    except ValueError as error:
+        wrong = [f"{check.what}: {check.measured}" for check in landed if not check.passed]
+        raise ValueError("; ".join([str(error), *wrong])) from error
+    return record, "; ".join(notes + said), landed
 
 
 def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Path, list[Check]]:
@@ -256,7 +296,7 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
         experiment.about,
         checks,
         {"cases": campaign.figure(found)},
-        experiment.text,
+        _parameters(experiment, (base,), arguments),
         _command(),
         [campaign.failures(found, _command())],
     )
@@ -265,6 +305,20 @@ def _campaign(experiment: Experiment, arguments: argparse.Namespace) -> tuple[Pa
 
 def _level(run: Run) -> str:
     return f", each with its own vehicle ({run.truth_name().split(',')[0]})" if run.truth_name() else ""
+
+
+def _parameters(experiment: Experiment, runs: Sequence[Run], arguments: argparse.Namespace) -> str:
+    """The experiment's file, the changes of the command line, the files of vehicle and scene, the truths."""
+    named = (
+        Path(name)
+        for run in runs
+        for name in (run.vehicle.get("file"), run.world.get("scene"))
+        if isinstance(name, str)
+    )
+    files = [path for path in dict.fromkeys(named) if path.is_absolute() and path.is_file()]
+    changed = [f"# --set {item}" for item in arguments.set]
+    texts = [f"# {path.name}\n{path.read_text(encoding='utf-8')}" for path in files]
+    return "\n".join([experiment.text, *changed, *texts, *_truths(runs)])
 
 
 def _truths(runs: Sequence[Run]) -> list[str]:

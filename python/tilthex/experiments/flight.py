@@ -37,7 +37,7 @@ def fly(
     """
     chain: tilthex.Loop | Own
     if controller is None:
-        chain = tilthex.Loop(tilthex.Config.default(run.model()).replace(**run.config))
+        chain = tilthex.Loop(run.configuration())
     else:
         chain, exact = Own(controller), True
     drawn = run.drawn()
@@ -85,7 +85,7 @@ def fly(
             progress(250)
         away = tool - start.position
         if not away @ away < FAR * FAR:
-            record.ended = f"thrown {FAR:g} m away at {now:.2f} s"
+            record.ended = f"thrown {FAR:g} m away from the first way-point at {now:.2f} s"
             record.cut(k + 1)
             break
     record.seconds = time.perf_counter() - begun

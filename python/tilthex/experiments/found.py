@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import traceback
 from pathlib import Path
 from types import ModuleType
 
@@ -39,8 +40,25 @@ def judge_of(experiment: Experiment) -> Judge:
     return Judge(_no_checks, _overviews)
 
 
+def complaint(error: Exception, judge: Judge, record: Record) -> str:
+    """One sentence on an exception in a judge: the place in its module, and the columns that there are."""
+    codes = [function.__code__ for function in (judge.checks, judge.figures) if hasattr(function, "__code__")]
+    files = {code.co_filename for code in codes}
+    frames = traceback.extract_tb(error.__traceback__)
+    inside = [(one.filename, one.lineno) for one in frames if one.filename in files]
+    begins = [(code.co_filename, code.co_firstlineno) for code in codes]
+    file, line = [*begins[:1], *inside][-1] if codes else (frames[-1].filename, frames[-1].lineno)
+    said = " ".join(str(error).split())
+    return (
+        f"{file}, line {line}: the judge ended with {type(error).__name__}: {said}; the "
+        f"record has {', '.join(sorted(record.columns))}"
+    )
+
+
 def _judge(module: ModuleType, where: str) -> Judge:
-    judge = getattr(module, "JUDGE", None)
+    if not hasattr(module, "JUDGE"):
+        raise ValueError(f"{where} has no JUDGE; expected JUDGE = Judge(checks, figures)")
+    judge = module.JUDGE
     if not isinstance(judge, Judge):
         raise ValueError(f"{where}: JUDGE is {judge!r}; expected a tilthex.experiments.judge.Judge")
     return judge

@@ -6,6 +6,7 @@ Geoms that name no `solref`, `solimp` and `condim` get those of the built-in sce
 from __future__ import annotations
 
 import importlib.util
+import traceback
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -65,6 +66,10 @@ def module(path: Path) -> ModuleType:
         found.loader.exec_module(made)
     except (SyntaxError, ImportError) as error:
         raise ValueError(f"{path}: cannot be imported: {error}") from error
+    except Exception as error:
+        lines = [one.lineno for one in traceback.extract_tb(error.__traceback__) if one.filename == str(path)]
+        where = f", line {lines[-1]}" if lines else ""
+        raise ValueError(f"{path}{where}: cannot be imported: {type(error).__name__}: {error}") from error
     return made
 
 

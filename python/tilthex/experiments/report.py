@@ -19,10 +19,21 @@ from scipy.spatial.transform import Rotation
 from tilthex import __version__
 from tilthex._colours import GREEN, RED, coloured
 from tilthex.experiments.record import Check, Record
+from tilthex.plot import mark
 
 AXES = ("x", "y", "z")
 COLOURS = ("tab:blue", "tab:red", "tab:orange")
 SHADES = ("0.93", "#e3f4e3", "#e3ecfa", "#faf0dc", "#f7e1e1", "#ece4f5")
+PANELS = (
+    ("tool position x, m", "robot: roll, pitch, yaw, deg"),
+    ("tool position y, m", "rotation error, deg"),
+    ("tool position z, m", "tool force, N"),
+    ("position error, mm", "tool torque, N m"),
+    ("reference - set-point, mm", "reference - set-point, deg"),
+)
+PALE = 0.4
+LEAST_SPAN = 0.02
+"""Least height of a panel of the position, m."""
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 72em; margin: 2em auto; padding: 0 1em; color: #222 }
 table { border-collapse: collapse }
@@ -40,53 +51,64 @@ def shade(axes: Any, record: Record) -> None:
 
 
 def overview(record: Record) -> Any:
-    """The eight panels of the paper's figures 8 and 12."""
-    figure, grid = plt.subplots(4, 2, figsize=(13, 13), sharex=True, layout="constrained")
-    t, every = record.time, slice(None, None, 5)
+    """The panels of the paper's figures 8 and 12, in the words of `tilthex plot`; one panel an axis."""
+    figure, grid = plt.subplots(5, 2, figsize=(13, 14), sharex=True, layout="constrained")
+    every = slice(None, None, 5)
+    t = record.time[every]
+    entries: dict[str, Any] = {}
+    for name, colour in zip(AXES, COLOURS, strict=True):
+        (entries[name],) = grid[0, 1].plot([], [], color=colour)
+
+    def lines(axes: Any, values: Any, line: str, of: str, alpha: float = 1.0) -> None:
+        for one, colour, axis in zip(axes, COLOURS, values[every].T, strict=True):
+            one.plot(t, axis, line, color=colour, lw=1.0, alpha=alpha)
+        (entries[of],) = grid[0, 1].plot([], [], line, color="0.2", alpha=alpha)
+
     # The angles of the robot: those of a tool that points forward would jump.
     mounted = record.tool_rotation[0].T @ record.robot_rotation[0]
-    desired, reference, actual = (
-        Rotation.from_matrix(m[every] @ mounted).as_euler("xyz", degrees=True)
-        for m in (record.setpoint_rotation, record.reference_rotation, record.tool_rotation)
+    tip = record.robot_rotation[0].T @ (record.tool_position[0] - record.robot_position[0])
+    estimated = record.estimated_position + record.estimated_rotation @ tip
+    poses = (
+        (record.setpoint_position, record.setpoint_rotation @ mounted, ":", "set-point", 1.0),
+        (record.reference_position, record.reference_rotation @ mounted, "--", "reference", 1.0),
+        (record.tool_position, record.robot_rotation, "-", "true", PALE),
+        (estimated, record.estimated_rotation, "-", "estimated", 1.0),
     )
-    for i, (name, colour) in enumerate(zip(AXES, COLOURS, strict=True)):
-        for axes, three in (
-            (grid[0, 0], (record.setpoint_position, record.reference_position, record.tool_position)),
-            (grid[0, 1], (desired, reference, actual)),
-        ):
-            for values, line, label in zip(
-                three, (":", "--", "-"), ("desired", "reference", name), strict=True
-            ):
-                ticks = t[every] if len(values) != len(t) else t
-                axes.plot(
-                    ticks, values[:, i], line, color=colour, lw=1.2, label=label if line == "-" else None
-                )
-        grid[1, 0].plot(t, 1e3 * record.position_error[:, i], color=colour, lw=0.8)
-        grid[1, 1].plot(t, np.degrees(record.rotation_error[:, i]), color=colour, lw=0.8)
-        for axes, k in ((grid[2, 0], i), (grid[2, 1], 3 + i)):
-            axes.plot(t, record.true_wrench[:, k], color=colour, lw=0.8, alpha=0.45)
-            axes.plot(t, record.wrench_contact[:, k], color=colour, lw=1.0)
-        off = record.reference_position - record.setpoint_position
-        grid[3, 0].plot(t, off[:, i], color=colour)
-        grid[3, 1].plot(t[every], (reference - desired)[:, i], color=colour)
-    labels = (
-        ("tool position (m): desired :, reference --, actual -", "roll, pitch, yaw of the robot (deg)"),
-        ("position error (mm)", "orientation error (deg)"),
-        ("tool force (N): estimated, true pale", "tool torque (N m): estimated, true pale"),
-        ("reference - desired (m)", "reference - desired (deg)"),
-    )
-    for row, names in zip(grid, labels, strict=True):
-        for axes, name in zip(row, names, strict=True):
-            axes.set_title(name, fontsize=10, loc="left")
-            shade(axes, record)
-    grid[0, 0].legend(loc="upper right", ncols=3, fontsize=9)
-    for axes, k in ((grid[2, 0], 0), (grid[2, 1], 3)):
+    angles = {}
+    for position, rotation, line, of, alpha in poses:
+        lines(grid[:3, 0], position, line, of, alpha)
+        angles[of] = Rotation.from_matrix(rotation).as_euler("xyz", degrees=True)
+        lines([grid[0, 1]] * 3, angles[of], line, of, alpha)
+    lines([grid[3, 0]] * 3, 1e3 * record.position_error, "-", "estimated")
+    lines([grid[1, 1]] * 3, np.degrees(record.rotation_error), "-", "estimated")
+    for axes, k in ((grid[2, 1], 0), (grid[3, 1], 3)):
         estimate = record.wrench_contact[:, k : k + 3]
+        lines([axes] * 3, record.true_wrench[:, k : k + 3], "-", "true", PALE)
+        lines([axes] * 3, estimate, "-", "estimated")
         size = 1.2 * float(np.percentile(np.abs(estimate), 99.9)) + 1e-3
         axes.set_ylim(-size, size)
-    for axes in grid[3]:
-        axes.set_xlabel("time (s)")
-    figure.suptitle(record.run + " - " + ", ".join(dict.fromkeys(name for name, _, _ in record.spans())))
+    off = 1e3 * (record.reference_position - record.setpoint_position)
+    lines([grid[4, 0]] * 3, off, "--", "reference")
+    lines([grid[4, 1]] * 3, angles["reference"] - angles["set-point"], "--", "reference")
+    for axes in grid[:3, 0]:
+        low, high = axes.get_ylim()
+        if high - low < LEAST_SPAN:
+            axes.set_ylim(0.5 * (low + high - LEAST_SPAN), 0.5 * (low + high + LEAST_SPAN))
+        axes.ticklabel_format(axis="y", useOffset=False)
+    for row, names in zip(grid, PANELS, strict=True):
+        for axes, name in zip(row, names, strict=True):
+            axes.set_ylabel(name)
+            room = 0.012 * float(t[-1]) if axes in grid[0] else np.inf
+            for i, (phase, begin, end) in enumerate(record.spans()):
+                mark(axes, phase, begin, end, SHADES[i % len(SHADES)], room, fontsize=9)
+            axes.margins(x=0)
+    for axes in grid[4]:
+        axes.set_xlabel("time, s")
+    phases = ", ".join(dict.fromkeys(name for name, _, _ in record.spans()))
+    figure.suptitle(f"{record.run}: {phases}")
+    figure.legend(
+        entries.values(), entries, loc="outside lower center", ncols=len(entries), fontsize=10, frameon=False
+    )
     return figure
 
 
@@ -97,25 +119,31 @@ def table(checks: Sequence[Check]) -> str:
     """The checks as an HTML table."""
     if not checks:
         return f"<p>{NO_CHECKS}</p>"
-    rows = ["<tr><th>what<th>required<th>paper<th>measured<th>"]
-    for check in checks:
+    head, shown = _columns(checks)
+    rows = ["<tr>" + "".join(f"<th>{name}" for name in head) + "<th>"]
+    for check, cells in zip(checks, shown, strict=True):
         mark = {True: '<td class="pass">pass', False: '<td class="short">falls short', None: "<td>"}[
             check.passed
         ]
-        cells = (check.what, check.required, check.paper, check.measured)
         rows.append("<tr>" + "".join(f"<td>{html.escape(cell)}" for cell in cells) + mark)
     return "<table>" + "\n".join(rows) + "</table>"
+
+
+def _columns(checks: Sequence[Check]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """The heads and the cells; without the paper's values if there are none."""
+    names = ("what", "required", *(("paper",) if any(check.paper for check in checks) else ()), "measured")
+    return names, [tuple(getattr(check, name) for name in names) for check in checks]
 
 
 def text_table(checks: Sequence[Check]) -> str:
     """The checks for a terminal."""
     if not checks:
         return NO_CHECKS
-    rows = [("", "what", "required", "paper", "measured")]
-    for check in checks:
-        mark = {True: "pass", False: "FALLS SHORT", None: "-"}[check.passed]
-        rows.append((mark, check.what, check.required, check.paper, check.measured))
-    widths = [max(len(row[i]) for row in rows) for i in range(5)]
+    head, shown = _columns(checks)
+    rows = [("", *head)]
+    for check, texts in zip(checks, shown, strict=True):
+        rows.append(({True: "pass", False: "FALLS SHORT", None: "-"}[check.passed], *texts))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:
         mark, *cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))

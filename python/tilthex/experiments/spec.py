@@ -8,25 +8,21 @@ give it to `tilthex experiment`.
 from __future__ import annotations
 
 import copy
-import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
-
 import tilthex
 from tilthex._toml import tomllib
 from tilthex.experiments import own_scene, ranges
 from tilthex.experiments.scenes import SCENES, Scene
+from tilthex.experiments.waypoints import Waypoint, check_keys, check_number, check_numbers
+from tilthex.experiments.waypoints import read as read_waypoints
 from tilthex.experiments.world import Noise
 
 __all__ = ["Experiment", "Run", "Waypoint", "built_in", "load", "merge", "read_toml"]
 
-Vector = NDArray[np.float64]
 Table = dict[str, Any]
 
 FILE_KEYS = {
@@ -50,33 +46,17 @@ FILE_KEYS = {
     "short",
 }
 RUN_KEYS = FILE_KEYS - {"experiment", "title", "about", "wire", "run", "short"} | {"name"}
-WAYPOINT_KEYS = {"phase", "position", "rpy_deg", "duration", "hold", "wrench", "force_axes"}
+PUSH_KEYS = {"force", "start", "end"}
 CALIBRATIONS = ("none", "tilts")
-LIMIT_KEYS = {"velocity", "acceleration", "angular_velocity", "angular_acceleration"}
+LIMIT_KEYS = {
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "angular_velocity": "rad/s",
+    "angular_acceleration": "rad/s^2",
+}
+"""The limits between way-points, and their units."""
 SWING_KEYS = {"start", "end", "lowest_hz", "highest_hz", "translation", "rotation_deg"}
 LIMITS = {"velocity": 0.3, "acceleration": 0.5, "angular_velocity": 0.5, "angular_acceleration": 1.0}
-
-
-@dataclass(frozen=True)
-class Waypoint:
-    """A tool pose that is reached and left at rest.
-
-    Also the duration of the motion to it, and the time of the stay.
-    """
-
-    phase: str
-    position: tuple[float, ...]
-    rpy_deg: tuple[float, ...]
-    duration: float
-    hold: float
-    wrench: tuple[float, ...]
-    force_axes: tuple[str, ...] = ()
-    """Axes of the tool along which the wrench is controlled instead of the pose, until the next point."""
-
-    @property
-    def rotation(self) -> Vector:
-        """Orientation of the tool, tool to world."""
-        return np.asarray(Rotation.from_euler("xyz", self.rpy_deg, degrees=True).as_matrix())
 
 
 @dataclass(frozen=True)
@@ -111,6 +91,10 @@ class Run:
     def model(self) -> tilthex.Vehicle:
         """The vehicle model of the controller."""
         return tilthex.Vehicle.from_dict(self.vehicle)
+
+    def configuration(self) -> tilthex.Config:
+        """The configuration of the controller."""
+        return tilthex.Config.default(self.model()).replace(**self.config)
 
     def drawn(self) -> tilthex.Drawn:
         """The true vehicle, drawn with the run's seed."""
@@ -169,10 +153,12 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
         path = Path(__file__).parent / f"{name}.toml"
         if not path.exists():
             known = ", ".join([*built_in(), "all"])
-            raise ValueError(f"no experiment {name!r}; expected one of {known}, or a .toml file")
+            near = f"; did you mean {name}.toml?" if Path(f"{name}.toml").is_file() else ""
+            raise ValueError(f"no experiment {name!r}; expected one of {known}, or a .toml file{near}")
     text = path.read_text(encoding="utf-8")
     table = read_toml(text, str(path))
-    _check_keys(str(path), table, FILE_KEYS)
+    _check_kind(path, table)
+    check_keys(str(path), table, FILE_KEYS)
     brief = table.pop("short", {}) if short else table.pop("short", {}) and {}
     folder = path.parent if Path(name).suffix == ".toml" else Path()
     chosen = brief.pop("runs", None)
@@ -182,14 +168,36 @@ def load(name: str, *, short: bool = False, changes: Mapping[str, Any] | None = 
     title, about = table.pop("title", kind), table.pop("about", "")
     made = []
     for run in runs:
-        _check_keys(f"{path} [[run]]", run, RUN_KEYS)
+        check_keys(f"{path} [[run]]", run, RUN_KEYS)
         if chosen is not None and run["name"] not in chosen:
             continue
         whole: Table = {"vehicle": {"preset": "tilt-hex"}}
         for layer, where in ((table, folder), (run, folder), (brief, folder), (changes or {}, Path())):
             whole = _merge_layer(whole, layer, where)
-        made.append(_run(kind, whole))
+        try:
+            made.append(_run(kind, whole))
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from error
+        _check_vehicle(made[-1], "--vehicle" if "vehicle" in (changes or {}) else f"{path}: key `vehicle`")
     return Experiment(kind, kind_is_named, title, about, tuple(made), text, path.parent.absolute(), wire)
+
+
+def _check_kind(path: Path, table: Table) -> None:
+    """Refuses the file of a vehicle and a configuration."""
+    sections = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex")).to_dict().keys()
+    if table and table.keys() <= sections:
+        kind = "a vehicle" if table.keys() == {"vehicle"} else "a configuration"
+        raise ValueError(
+            f"{path} is the file of {kind}; expected an experiment: `tilthex new experiment mine.toml` "
+            f'writes one, which names its vehicle: vehicle = "{path.name}"'
+        )
+
+
+def _check_vehicle(run: Run, where: str) -> None:
+    try:
+        run.model()
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from error
 
 
 def read_toml(text: str, where: str) -> Table:
@@ -252,26 +260,23 @@ def _place(name: str, folder: Path, endings: tuple[str, ...] = (".toml",)) -> st
 def _run(kind: str, table: Table) -> Run:
     ranges.check(table)
     trajectory = table.get("trajectory", {})
-    _check_keys("[trajectory]", trajectory, LIMIT_KEYS | {"waypoint", "swing"})
+    check_keys("[trajectory]", trajectory, {*LIMIT_KEYS, "waypoint", "swing"})
     swing = trajectory.get("swing", {})
-    _check_keys("[trajectory.swing]", swing, SWING_KEYS)
+    check_keys("[trajectory.swing]", swing, SWING_KEYS)
     if swing and swing.keys() != SWING_KEYS:
         raise ValueError(
             f"[trajectory.swing] has no {', '.join(sorted(SWING_KEYS - swing.keys()))}; expected each"
         )
-    waypoints = []
-    last: Table = {"rpy_deg": (0.0, 0.0, 0.0), "wrench": (0.0,) * 6, "force_axes": ()}
-    for item in trajectory.get("waypoint", []):
-        _check_keys("[[trajectory.waypoint]]", item, WAYPOINT_KEYS)
-        # Pose, wrench, force axes and phase are those of the way-point before unless given; times are not.
-        last = last | {"duration": 0.0, "hold": 0.0} | item
-        if "position" not in last or "phase" not in last:
-            raise ValueError("the first [[trajectory.waypoint]] needs `position` (3 numbers, m) and `phase`")
-        tuples = {key: tuple(map(float, last[key])) for key in ("position", "rpy_deg", "wrench")}
-        times: dict[str, Any] = {key: last[key] for key in ("duration", "hold")}
-        waypoints.append(Waypoint(last["phase"], force_axes=tuple(last["force_axes"]), **times | tuples))
-    if not waypoints:
-        raise ValueError("[trajectory] has no [[trajectory.waypoint]]; it needs at least one")
+    limits = {key: trajectory[key] for key in LIMIT_KEYS if key in trajectory}
+    for key, value in limits.items():
+        check_number("[trajectory]", key, value, LIMIT_KEYS[key])
+    push = table.get("push", {})
+    check_keys("[push]", push, PUSH_KEYS)
+    for key, value in push.items():
+        if key == "force":
+            check_numbers("[push]", key, value, 3, "N")
+        else:
+            check_number("[push]", key, value, "s")
     calibration = table.get("calibration", "none")
     if calibration not in CALIBRATIONS:
         raise ValueError(f"calibration is {calibration!r}; expected one of {', '.join(CALIBRATIONS)}")
@@ -281,7 +286,7 @@ def _run(kind: str, table: Table) -> Run:
             'calibration is "tilts" in the scene clamp; expected "none": the clamp holds the tool'
         )
     noise = table.get("noise", {})
-    _check_keys("[noise]", noise, {f.name for f in fields(Noise)})
+    check_keys("[noise]", noise, {f.name for f in fields(Noise)})
     return Run(
         experiment=kind,
         name=table["name"],
@@ -292,18 +297,11 @@ def _run(kind: str, table: Table) -> Run:
         config=table.get("config", {}),
         world=world,
         noise=Noise(**noise),
-        waypoints=tuple(waypoints),
-        limits=LIMITS | {key: trajectory[key] for key in LIMIT_KEYS & trajectory.keys()},
+        waypoints=read_waypoints(trajectory.get("waypoint", [])),
+        limits=LIMITS | limits,
         swing=swing,
-        push=table.get("push", {}),
+        push=push,
         learn_bias=tuple(table.get("learn_bias", (0.0, 0.0))),
         judge=table.get("judge", {}),
         random=table.get("random", {}),
     )
-
-
-def _check_keys(where: str, table: Mapping[str, Any], known: set[str]) -> None:
-    for key in table:
-        if key not in known:
-            near = difflib.get_close_matches(key, known, n=1, cutoff=0.0)
-            raise ValueError(f"{where}: unknown key `{key}`; the nearest known one is `{near[0]}`")

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 import tilthex
+from tilthex._mounted import mounted_rpy_deg
 from tilthex._programs import Program, free_port
 from tilthex.experiments import stand
 from tilthex.experiments.plan import trajectory_of
@@ -88,7 +89,8 @@ def route(run: Run) -> Route:
     ]
     vehicle = run.model()
     above = stand.start(vehicle) + vehicle.tool_position + np.array([0.0, 0.0, TAKE_OFF])
-    home = Waypoint("home", tuple(above.tolist()), (0.0, 0.0, 0.0), 0.0, 0.0, (0.0,) * 6)
+    # As the tool is mounted: the vehicle is level there.
+    home = Waypoint("home", tuple(above.tolist()), mounted_rpy_deg(vehicle), 0.0, 0.0, (0.0,) * 6)
     there, back = _over(ways[0]), _over(ways[-1])
     limits = {key: max(value, run.limits[key]) for key, value in LIMITS.items()}
     return Route((home, there, *ways, back, home), 2, limits)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import log
+from tilthex._faults import FAULTS
 from tilthex._quaternions import rotations_from_quaternions
-from tilthex.experiments.record import COLUMNS, Record
+from tilthex.experiments.record import COLUMNS, Check, Record, below
 from tilthex.experiments.spec import Run
 from tilthex.experiments.wire import Files, Route
 
@@ -22,6 +23,10 @@ Vector = NDArray[np.float64]
 TOPICS = ("/flight", "/state", "/setpoint", "/reference", "/wrench", "/control", "/timing")
 FLYING = "flying"
 """The phase in which nothing holds the flight back."""
+ORDERED = "operator"
+"""The fault that an order to land counts as."""
+BESIDE = 0.1
+"""Largest distance between the places on the stand where a flight begins and ends, m."""
 APART = 3e-3
 """Largest distance of the logged set-point from the planned one, m: the motion in a tick, and a
 margin."""
@@ -62,6 +67,33 @@ def read(run: Run, route: Route, files: Files) -> tuple[Record, list[str]]:
     if np.any(columns["/flight"]["phase"][rows] != FLYING):
         record.ended = "the supervisor held the tool back"
     return record, [*_notes(columns, rows), _off(record)]
+
+
+def landing(run: Run, files: Files) -> list[Check]:
+    """Whether the whole flight ended where it began, and without a fault that holds or lands the vehicle.
+
+    What only holds does not count in a landing: the ground exerts a wrench.
+    """
+    flight = log.read(files.log, ["/flight"])["/flight"]
+    with np.load(files.truth) as data:
+        first, last = data["robot_position"][[0, -1]]
+    phase, active = flight["phase"], flight["faults"].astype(np.int64)
+    aloft, free = (_any(active[rows]) for rows in (log.flying(phase), np.isin(phase, log.FREE_FLIGHT)))
+    found = [
+        fault.name
+        for bit, fault in enumerate(FAULTS)
+        if (fault.in_flight in ("land", "descend") and aloft >> bit & 1 and fault.name != ORDERED)
+        or (fault.in_flight == "hold" and free >> bit & 1)
+    ]
+    away = float(np.linalg.norm(last - first))
+    return [
+        below(f"{run.name}: the landing is beside the start by", away, BESIDE, "mm", scale=1e3),
+        Check(f"{run.name}: faults in flight", "none", "", ", ".join(found) or "none", not found),
+    ]
+
+
+def _any(bits: NDArray[np.int64]) -> int:
+    return int(np.bitwise_or.reduce(bits, initial=0))
 
 
 def _begin(columns: dict[str, log.Columns], path: Path) -> float:

@@ -49,7 +49,8 @@ pub struct Args {
     #[arg(long, conflicts_with_all = ["port", "mocap"])]
     pub sim: bool,
 
-    /// With --sim: a file of pushes on the tool
+    /// With --sim: a file of pushes on the tool, tables `[[push]]` with `at` (s since the first motor was ordered to
+    /// start), `duration` (s), `force` (N) and `torque` (N m), world axes
     #[arg(long, value_name = "FILE.toml", requires = "sim")]
     pub pushes: Option<PathBuf>,
 
