@@ -9,7 +9,7 @@ use super::{
     Estimator,
     params::ImuPose,
     trust::Said,
-    weighing::{innovation, to_gate, turn},
+    weighing::{DOUBT, innovation, to_gate, turn},
 };
 use crate::{GRAVITY, ukf::Innovation};
 use libm::sqrt;
@@ -39,6 +39,12 @@ impl Estimator {
         let (gate, nis, turned) = (self.derived.gate_pose, whole.squared(6), turn(&whole.residual));
         let modelled = self.head.kept_bias.is_some();
         if modelled || nis <= gate || turned > LARGEST || !self.head.trust.insists(said, self.noises()) {
+            return false;
+        }
+        // Where samples are missing, another body is as near as the drift of a gyro.
+        let (now, accepted) = (self.head.applied, self.head.trust.accepted);
+        let span = DOUBT + (now - accepted).max(0.0);
+        if self.samples.doubt(self.head.next_sample, now, span, span).is_some() {
             return false;
         }
         let alone = self.innovation(measured, (1.0, UNKNOWN));

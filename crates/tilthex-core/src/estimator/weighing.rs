@@ -23,7 +23,7 @@ use libm::sqrt;
 /// A rotation that differs from the state by more than this contradicts it because markers were swapped, rad.
 pub(super) const RIGHT_ANGLE: f64 = core::f64::consts::FRAC_PI_2;
 /// The state is doubtful for this time after a sample that was not simply measured, s.
-const DOUBT: f64 = 0.1;
+pub(super) const DOUBT: f64 = 0.1;
 /// Largest scale of the variances of a surprising pose. A pose that needs a larger one contradicts the state.
 const MOST_NOISE: f64 = 100.0;
 /// Largest scale of the state's variances.
