@@ -165,7 +165,7 @@ const MODEL: Message<Tick> = Message {
         field(2, "centre_of_mass_r", "m", "centre_of_mass", "Centre of mass, relative to the one of the configuration.", Vector(|t| t.record.model.centre_of_mass_r)),
         field(3, "false_force", "N", "false_force", "Contact force that tilted hovers may show without contact: one standard deviation.", Number(|t| t.record.model.false_force)),
         field(4, "false_torque", "N m", "false_torque", "Contact torque that tilted hovers may show without contact: one standard deviation.", Number(|t| t.record.model.false_torque)),
-        field(5, "hovers", "", "hovers", "Number of hovers from which the model was learnt; 0 for the configured model.", Count(|t| t.record.model.hovers.into())),
+        field(5, "hovers", "", "hovers", "Number of hovers from which the model was learnt; 0 for the configured model.", Count(|t| t.record.model.hovers)),
         field(6, "misfit", "1", "", "Mean squared normalised innovation of these hovers.", Number(|t| t.record.model.misfit)),
     ],
 };
