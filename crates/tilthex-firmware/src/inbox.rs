@@ -29,6 +29,8 @@ pub(crate) struct Received {
     pub(crate) order: Option<(u8, Order)>,
     pub(crate) land: bool,
     pub(crate) kill: bool,
+    /// `x` before the start.
+    pub(crate) stop: bool,
     /// The operator's silence in the newest heartbeat, s.
     pub(crate) heartbeat: Option<f64>,
     pub(crate) identify: bool,
@@ -54,12 +56,18 @@ impl Received {
             order: None,
             land: false,
             kill: false,
+            stop: false,
             heartbeat: None,
             identify: false,
             rates: [None; 4],
             records: None,
             refused: None,
         }
+    }
+
+    /// Whether something came that ends a flight. It wins against an order that came with it, in any sequence.
+    pub(crate) fn ends(&self) -> bool {
+        self.land || self.kill || self.stop
     }
 
     /// The poses that have arrived.
@@ -116,8 +124,7 @@ impl Inbox {
                 }
             }
             ToVehicle::Tk3(HostMessage::StopAll) => match phase {
-                // They stand still.
-                Phase::Disarmed => {}
+                Phase::Disarmed => received.stop = true,
                 Phase::Starting | Phase::Grounded => received.kill = true,
                 Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                     received.refused = Some(Refused::Stop);

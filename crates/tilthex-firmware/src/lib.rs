@@ -24,7 +24,7 @@ use tilthex_core::{
     admittance::AdmittanceFilter,
     flight::{Command, Commanded, Flight, FlightParams, HostFacts, Measured, MotorCommand, Route, Telemetry},
     force_axes::ForceAxes,
-    supervisor::{Fault, Phase},
+    supervisor::Phase,
     trajectory::{Limits, Waypoint},
     types::{Matrix6, RotorVector, Vector6},
 };
@@ -94,7 +94,7 @@ impl Firmware {
         let params = FirmwareParams { flight: FlightParams { take_off: false, ..params.flight }, ..params };
         Ok(Self {
             flight: Flight::new(params.flight, None)?,
-            sensors: Sensors::new(params.flight.vehicle.rotor_count()),
+            sensors: Sensors::new(params.flight.vehicle.rotor_count())?,
             inbox: Inbox::new()?,
             outbox: Outbox::new(),
             admittance: AdmittanceFilter::new(params.flight.controller.admittance)?,
@@ -126,8 +126,9 @@ impl Firmware {
         &self.sensors.telemetry
     }
 
-    /// Whether the flight has been over, or was called off before the start, and the motors have stood still for a while. Then
-    /// the board's program restarts the board, which is ready for the next flight. After a kill, a person must do it.
+    /// Whether the flight has been over, or the order to land called it off before it began, and the motors have stood still
+    /// for a while. Then the board's program restarts the board, which is ready for the next flight. After a kill, a person must
+    /// do it. After a start that a fault called off it stays false: the vehicle takes a new order to take off.
     #[must_use]
     pub fn finished(&self) -> bool {
         self.over.is_some_and(|since| self.out.record.input.time - since >= STANDS)
@@ -147,20 +148,29 @@ impl Firmware {
         let micros = board.now_us();
         let now = micros as f64 * 1e-6;
         self.sensors.read(board, now);
-        let received = self.inbox.read(board, micros, self.flight.supervisor().phase());
+        let before = self.flight.supervisor().phase();
+        let received = self.inbox.read(board, micros, before);
+        if received.ends() && before == Phase::Disarmed {
+            self.flight.call_off();
+        }
         // Where nothing was ordered, there is nothing to call off.
-        let ordered = self.operator.is_some() || self.flight.supervisor().phase() != Phase::Disarmed;
+        let ordered = self.operator.is_some() || before != Phase::Disarmed;
         self.host.land |= received.land && ordered;
         self.host.kill |= received.kill;
         if let (Some(heard), Some(silence)) = (&mut self.operator, received.heartbeat) {
             *heard = (now, silence);
         }
         let order = received.order.filter(|(number, _)| self.answer.number() != *number);
-        let command = order.and_then(|(number, order)| self.obey(number, &order, now));
+        let command = order.and_then(|(number, order)| {
+            if received.ends() {
+                self.refuse(number, "an order to land or to stop came with it");
+                return None;
+            }
+            self.obey(number, &order, now)
+        });
         self.host.operator_silent = self.operator.is_some_and(|(at, silence)| {
             self.params.operator_timeout > 0.0 && now - at + silence > self.params.operator_timeout
         });
-        let refused_before = self.out.record.faults.contains(Fault::SetpointJump);
         let measured = Measured {
             time: now,
             telemetry: &self.sensors.telemetry,
@@ -172,10 +182,10 @@ impl Firmware {
         self.flight.tick(&measured, &mut self.out);
         self.drive(board);
         self.over = self.over.or(Some(now)).filter(|_| self.stands());
-        let refused = self.out.record.faults.contains(Fault::SetpointJump) && !refused_before;
-        if let (Some((number, _)), true, true) = (order, command.is_some(), refused) {
+        if let (Some((number, _)), true) = (order, command.is_some() && self.flight.refused_order()) {
             self.refuse(number, "outside the geofence");
         }
+        self.call_off_start(before);
         if let Some(refused) = received.refused.filter(|_| now - self.complained >= QUIET) {
             let reason = match refused {
                 Refused::Motors => "refused: the vehicle flies by itself",
@@ -191,6 +201,16 @@ impl Firmware {
             .and_if(Facts::KILLED, supervisor.killed());
         let told = (facts, supervisor.ended_by().map(|fault| fault as u8), self.answer);
         self.outbox.speak(board, micros, &received, &self.sensors, &self.out.record, told);
+    }
+
+    /// A start that is called off ends the order to take off: nobody expects that motors start later, by themselves.
+    fn call_off_start(&mut self, before: Phase) {
+        let supervisor = self.flight.supervisor();
+        let started = matches!(before, Phase::Starting | Phase::Grounded);
+        if started && supervisor.phase() == Phase::Disarmed && !supervisor.killed() {
+            self.flight.call_off();
+            self.outbox.say(Severity::Warning, &["the start is called off; order the take-off again"]);
+        }
     }
 
     /// Answers an order, and returns the command to the flight if it is carried out.

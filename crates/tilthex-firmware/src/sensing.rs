@@ -2,9 +2,11 @@
 
 use crate::board::{Board, ImuReading};
 use tilthex_core::{
+    Error, MAX_ROTORS,
     flight::{Inertial, MAX_SAMPLES, Telemetry},
     supervisor::limits::STREAM_SILENT,
 };
+use tilthex_link::{Gate, Verdict};
 
 /// Largest readings: rad/s, m/s^2. Larger ones are no measurements.
 const LARGEST: (f64, f64) = (100.0, 400.0);
@@ -17,13 +19,15 @@ pub(crate) struct Sensors {
     pub(crate) imu: Option<ImuReading>,
     /// Whether a reading since the last sample has left its range.
     shaken: bool,
+    /// The gate of each rotor's speed: a single wrong one must not reach the estimator.
+    rotor_gates: [Gate<1>; MAX_ROTORS],
 }
 
 impl Sensors {
-    pub(crate) fn new(rotor_count: usize) -> Self {
+    pub(crate) fn new(rotor_count: usize) -> Result<Self, Error> {
         let mut telemetry = Telemetry::new(rotor_count);
         telemetry.link.identified = true;
-        Self { telemetry, imu: None, shaken: false }
+        Ok(Self { telemetry, imu: None, shaken: false, rotor_gates: [Gate::rotor_speed()?; MAX_ROTORS] })
     }
 
     /// Reads everything that is new at `now`, s.
@@ -33,12 +37,12 @@ impl Sensors {
             let Some(reading) = board.imu() else { break };
             self.take(&reading, now);
         }
-        for rotor in 0..self.telemetry.motors().len() {
+        for (rotor, gate) in (0..self.telemetry.motors().len()).zip(&mut self.rotor_gates) {
             let reading = board.rotor(rotor);
             let Some(motor) = self.telemetry.motor_mut(rotor) else { break };
             (motor.starting, motor.spinning) = (reading.starting, reading.spinning);
             (motor.emergency, motor.current) = (reading.emergency, reading.current);
-            if let Some(speed) = reading.speed.filter(|speed| speed.is_finite()) {
+            if let Some(speed) = reading.speed.filter(|speed| gate.step(&[*speed], 0) == Verdict::Pass) {
                 (motor.speed, motor.heard) = (speed, now);
             }
         }

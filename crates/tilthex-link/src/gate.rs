@@ -4,6 +4,11 @@
 use crate::bump;
 use tilthex_core::error::{Error, check_range};
 
+/// Largest change of a rotor's speed from one sample to the next, Hz.
+const ROTOR_JUMP: f64 = 40.0;
+/// A jump of a rotor's speed is accepted once this many samples agree with it.
+const ROTOR_PATIENCE: u8 = 4;
+
 /// Limits of a stream of `N` numbers, in the units of the stream.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GateParams<const N: usize> {
@@ -62,6 +67,17 @@ pub struct Gate<const N: usize> {
     candidate: Option<([f64; N], u8)>,
     refused_in_a_row: u8,
     counters: GateCounters,
+}
+
+impl Gate<1> {
+    /// A gate for the measured speed of a rotor, Hz.
+    ///
+    /// # Errors
+    /// Never: its limits are constant.
+    pub fn rotor_speed() -> Result<Self, Error> {
+        let (min, max, jump) = ([-1e3], [1e3], [ROTOR_JUMP]);
+        Self::new(GateParams { min, max, jump, patience: ROTOR_PATIENCE, longest: ROTOR_PATIENCE })
+    }
 }
 
 impl<const N: usize> Gate<N> {

@@ -36,6 +36,7 @@ use crate::{
     port::{Port, Written},
     realtime,
     sleeper::{Clock, Monotonic},
+    waiting::Waiting,
 };
 
 /// Longest wait for bytes of the vehicle; a pose waits as long.
@@ -65,15 +66,13 @@ pub struct Console {
     /// Poses from motion capture.
     pub poses: Consumer<PoseSample>,
     /// Orders.
-    pub commands: Consumer<Command>,
+    pub waiting: Waiting,
     /// The ring to the recorder.
     pub feed: Feed,
     /// Flags of other threads: to land, to kill, and the time of the operator's last message.
     pub flags: Flags,
     /// Set by the key that holds; the console clears it.
     pub hold: Arc<AtomicBool>,
-    /// What can be ordered.
-    pub carrier: Carrier,
     /// When to order or end.
     pub params: ConsoleParams,
 }
@@ -81,13 +80,13 @@ pub struct Console {
 /// What the console keeps from look to look.
 struct Memory {
     begin: f64,
-    /// Orders that wait for the answer to the one before.
-    orders: VecDeque<Order>,
     /// Texts that are not logged yet.
     texts: VecDeque<(Severity, Text)>,
     take_off: bool,
     pose_seen: bool,
     flew: bool,
+    /// The last that the vehicle told before its board started again.
+    before: Option<FlightPart>,
     interrupted: Option<f64>,
     silent: bool,
     gone: bool,
@@ -102,11 +101,11 @@ impl Console {
         let begin = seconds();
         let mut memory = Memory {
             begin,
-            orders: VecDeque::new(),
             texts: VecDeque::new(),
             take_off: self.params.take_off,
             pose_seen: false,
             flew: false,
+            before: None,
             interrupted: None,
             silent: false,
             gone: false,
@@ -146,7 +145,10 @@ impl Console {
             Event::Answered(Order::TakeOff, false) => memory.take_off = false,
             Event::Answered(..) => {}
             Event::Unanswered(order) => unanswered(&order),
-            Event::Restarted => say("warning: the vehicle's board has started again"),
+            Event::Restarted(before) => {
+                memory.before = before.or(memory.before);
+                say("warning: the vehicle's board has started again");
+            }
         });
     }
 
@@ -162,7 +164,7 @@ impl Console {
         if self.flags.kills() {
             self.base.order(Order::Kill, now);
         } else if self.flags.lands() {
-            memory.orders.clear();
+            self.waiting.clear();
             self.base.order(Order::Land, now);
         } else {
             self.pass_on(memory, now);
@@ -186,22 +188,23 @@ impl Console {
 
     /// Gives the next order to the base.
     fn pass_on(&mut self, memory: &mut Memory, now: f64) {
-        while let Ok(command) = self.commands.pop() {
-            memory.orders.extend(self.carrier.orders(&command).unwrap_or_default());
-        }
         if self.hold.swap(false, Ordering::Relaxed) {
-            memory.orders.clear();
-            memory.orders.push_back(Order::Hold);
+            self.waiting.clear();
+            self.waiting.push(Order::Hold, now);
         }
         let ready = |part: &FlightPart| part.phase == Phase::Disarmed && part.facts.has(Facts::ESTIMATES);
         if memory.take_off && self.base.flight().is_some_and(ready) {
-            memory.orders.push_back(Order::TakeOff);
+            self.waiting.push(Order::TakeOff, now);
             memory.take_off = false;
         }
-        if let Some(order) = memory.orders.front()
-            && self.base.order(*order, now)
-        {
-            memory.orders.pop_front();
+        let mut dropped = |order: &Order| {
+            let name = order.name();
+            say(&format!(
+                "warning: the order to {name} has waited for the vehicle for too long, and is dropped"
+            ));
+        };
+        if let Some(order) = self.waiting.next(self.base.takes_orders(), now, &mut dropped) {
+            self.base.order(order, now);
         }
     }
 
@@ -227,8 +230,7 @@ impl Console {
             return None;
         }
         if memory.flew {
-            let fault = flight.ended_by.and_then(|fault| TABLE.get(usize::from(fault)));
-            return Some(End::Landed(fault.map(|row| row.fault)));
+            return Some(ending(memory.before.as_ref(), flight));
         }
         if waited {
             return Some(End::Interrupted);
@@ -242,6 +244,13 @@ impl Console {
             complaint: None,
         })
     }
+}
+
+/// How a flight has ended, from the newest part of a record, and from the last one `before` the board started again.
+fn ending(before: Option<&FlightPart>, newest: &FlightPart) -> End {
+    let told = [Some(newest), before].into_iter().flatten().find(|part| part.facts.has(Facts::LANDED));
+    let fault = |part: &FlightPart| TABLE.get(usize::from(part.ended_by?)).map(|row| row.fault);
+    told.map_or(End::NotLanded, |part| End::Landed(fault(part)))
 }
 
 /// Faults that keep the motors from starting.
@@ -326,6 +335,8 @@ fn seconds() -> f64 {
 mod tests {
     use super::*;
     use tilthex_config::{Config, VehicleSection, orders::Orders};
+    use tilthex_core::supervisor::Fault;
+    use tilthex_link::onboard::{Answer, RecordParts};
 
     #[test]
     fn orders_that_the_vehicle_cannot_get_are_refused() {
@@ -352,6 +363,26 @@ mod tests {
                 (Err(reason), Err(says)) => assert!(reason.contains(says), "{line}: {reason}"),
                 (found, _) => panic!("{line}: {found:?}"),
             }
+        }
+    }
+
+    #[test]
+    fn motors_that_are_off_after_a_flight_are_no_landing() {
+        let part = |facts: u8, fault: Option<Fault>| {
+            let ended_by = fault.map(|fault| fault as u8);
+            RecordParts::new(1, &Record::default(), Facts(facts), ended_by, Answer::Nothing).flight
+        };
+        let (landed, lost) = (part(Facts::LANDED, None), part(Facts::LANDED, Some(Fault::PoseLostLong)));
+        let (flying, started) = (part(Facts::COMPLIANT, None), part(Facts::ESTIMATES, None));
+        for (before, newest, end) in [
+            (None, landed, End::Landed(None)),
+            (None, lost, End::Landed(Some(Fault::PoseLostLong))),
+            // The board starts again: in flight, and after a landing.
+            (None, started, End::NotLanded),
+            (Some(flying), started, End::NotLanded),
+            (Some(lost), started, End::Landed(Some(Fault::PoseLostLong))),
+        ] {
+            assert_eq!(ending(before.as_ref(), &newest), end, "{before:?} {newest:?}");
         }
     }
 }

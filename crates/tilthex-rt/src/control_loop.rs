@@ -39,6 +39,8 @@ const REFUSED_FOR_GOOD: f64 = 3.0;
 pub enum End {
     /// The vehicle flew and landed. If a fault made it land, this is the fault.
     Landed(Option<Fault>),
+    /// The vehicle flew, and stands with its motors off, but it has told of no landing: its board has started again.
+    NotLanded,
     /// The user interrupted it before the flight began.
     Interrupted,
     /// The motors were stopped by the order to kill.

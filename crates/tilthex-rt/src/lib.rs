@@ -31,5 +31,6 @@ pub mod sleeper;
 pub mod summary;
 mod sys;
 pub mod vehicle_uri;
+pub mod waiting;
 
 pub use failure::{Failure, Kind};

@@ -4,6 +4,17 @@ use super::{Command, Flight, motor_check::MotorCheck};
 use crate::supervisor::Phase;
 
 impl Flight {
+    /// Drops an order to take off that is not carried out yet: the motors start only after a new one.
+    pub fn call_off(&mut self) {
+        self.take_off = false;
+    }
+
+    /// Whether the flight refused the set-point or the route of the last tick.
+    #[must_use]
+    pub fn refused_order(&self) -> bool {
+        self.setpoint_refused
+    }
+
     /// Carries out an order. A set-point or a route that the flight refuses sets `setpoint_refused`.
     pub(super) fn obey(&mut self, command: Option<&Command>) {
         self.setpoint_refused = false;

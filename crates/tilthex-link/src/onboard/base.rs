@@ -47,8 +47,8 @@ pub enum Event {
     Answered(Order, bool),
     /// The vehicle has not answered to an order.
     Unanswered(Order),
-    /// The vehicle announces itself without a request: its board has started again.
-    Restarted,
+    /// The vehicle announces itself without a request: its board has started again. With the last part of a record before.
+    Restarted(Option<FlightPart>),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -84,6 +84,8 @@ pub struct Base {
     currents: RotorVector,
     battery: f64,
     pose_number: u8,
+    /// The highest number of an order that was given or heard of.
+    number: Option<u8>,
     pending: Option<Pending>,
     urgent: Option<Order>,
     urgent_sent: f64,
@@ -110,6 +112,7 @@ impl Base {
             currents: RotorVector::zeros(),
             battery: f64::NAN,
             pose_number: 0,
+            number: None,
             pending: None,
             urgent: None,
             urgent_sent: f64::NEG_INFINITY,
@@ -135,7 +138,13 @@ impl Base {
         self.flight.as_ref()
     }
 
-    /// Takes an order; returns false while another one is on its way, or before the first record. An urgent order is repeated
+    /// Whether it takes an order that is not urgent: not while another one is on its way, and not before the first record.
+    #[must_use]
+    pub fn takes_orders(&self) -> bool {
+        self.pending.is_none() && self.flight.is_some()
+    }
+
+    /// Takes an order; returns false if it [cannot](Self::takes_orders). An urgent order is repeated
     /// until the vehicle obeys, and drops the order that is on its way.
     pub fn order(&mut self, order: Order, now: f64) -> bool {
         if order.is_urgent() {
@@ -145,8 +154,12 @@ impl Base {
             }
             return true;
         }
-        let Some(flight) = self.flight.filter(|_| self.pending.is_none()) else { return false };
-        let number = flight.answer.number().wrapping_add(1);
+        if !self.takes_orders() {
+            return false;
+        }
+        // The numbers go round, without 0, which stands for no order.
+        let number = self.number.map_or(1, |last| last.wrapping_add(1).max(1));
+        self.number = Some(number);
         self.pending = Some(Pending { number, order, since: now, sent: None });
         true
     }
@@ -167,6 +180,7 @@ impl Base {
                 ToBase::Tk3(message) => self.take(&message, tell),
                 ToBase::Flight(part) => {
                     (self.flight, self.state) = (Some(part), None);
+                    self.note(part.answer.number());
                     self.settle(part.answer, tell);
                 }
                 ToBase::State(part) => self.state = Some(part),
@@ -199,8 +213,10 @@ impl Base {
             Stage::Identify { .. } => self.stage = Stage::Refused,
             Stage::Streams { .. } if known => {
                 self.stage = Stage::Streams { asked: f64::NEG_INFINITY };
-                (self.pending, self.flight) = (None, None);
-                tell(Event::Restarted);
+                if let Some(pending) = self.pending.take() {
+                    tell(Event::Unanswered(pending.order));
+                }
+                tell(Event::Restarted(self.flight.take()));
             }
             Stage::Streams { .. } | Stage::Refused => {}
         }
@@ -213,6 +229,13 @@ impl Base {
         {
             *speed = frame.speed();
             *current = 1e-3 * f64::from(frame.current_ma);
+        }
+    }
+
+    /// Notes the number of an answered order. It is above another one if it is less than half a round ahead.
+    fn note(&mut self, number: u8) {
+        if number != 0 && self.number.is_none_or(|last| number.wrapping_sub(last) <= u8::MAX / 2) {
+            self.number = Some(number);
         }
     }
 
@@ -259,6 +282,8 @@ impl Base {
     /// Writes what the conversation needs at `now`, s: requests, the heartbeat of an operator who was last heard `silence` s
     /// ago, and orders that are not answered. Tells about an order to which no answer came.
     pub fn talk(&mut self, now: f64, silence: f64, out: &mut Outgoing, tell: &mut impl FnMut(Event)) {
+        // Also before the vehicle has identified itself: perhaps it flies, and only its answers are lost.
+        self.insist(now, out);
         match self.stage {
             Stage::Refused => return,
             Stage::Identify { tries, asked } => {
@@ -286,7 +311,6 @@ impl Base {
             out.append(|b| ToVehicle::Heartbeat(silence).encode(b));
             self.heartbeat = now;
         }
-        self.insist(now, out);
         if let Some(pending) = &mut self.pending {
             if now - pending.since >= UNANSWERED {
                 tell(Event::Unanswered(pending.order));

@@ -1,15 +1,11 @@
 //! The motor controllers: which controller drives which motor, and which measurements are accepted.
 
 use super::esc_status::{ESCS, EscStatus, FIRST_MOTOR, STUCK};
-use crate::{Gate, GateCounters, GateParams, Verdict};
+use crate::{Gate, GateCounters, Verdict};
 use tilthex_core::{Error, flight::Telemetry};
 
 /// A motor spins if it is faster than this, Hz.
 const SPINS: f64 = 5.0;
-/// Largest change of a speed from one measurement to the next, Hz. A larger change is accepted after [`PATIENCE`]
-/// measurements that agree with it.
-const JUMP: f64 = 40.0;
-const PATIENCE: u8 = 4;
 /// If a motor turned and its controller now measures exactly 0, the 0 is accepted after this time, s. The telemetry of PX4
 /// can drop to 0 while motors turn (PX4 issue 16735).
 const DROPPED: f64 = 0.1;
@@ -28,9 +24,7 @@ impl Motors {
     /// # Errors
     /// Never: the limits of its gates are constant.
     pub(super) fn new() -> Result<Self, Error> {
-        let params =
-            GateParams { min: [-1e3], max: [1e3], jump: [JUMP], patience: PATIENCE, longest: PATIENCE };
-        Ok(Self { gates: [Gate::new(params)?; ESCS], dropped: [None; ESCS] })
+        Ok(Self { gates: [Gate::rotor_speed()?; ESCS], dropped: [None; ESCS] })
     }
 
     /// Takes the measurements that arrived at `now`, s.

@@ -6,7 +6,7 @@ use super::{
     VehicleMessage, imu_stream::ImuStream, scan::Scan,
 };
 use crate::{
-    Awaited, FrameLengths, Gate, GateCounters, GateParams, InertialDue, LinkParams, Outgoing, Severity, Text,
+    Awaited, FrameLengths, Gate, GateCounters, InertialDue, LinkParams, Outgoing, Severity, Text,
     VehicleLink, Verdict,
 };
 use core::convert::Infallible;
@@ -25,10 +25,6 @@ const IDENTIFY_TRIES: u32 = 4;
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
 /// Motors that were driven get stop commands for at least this time, s, whatever state they report.
 const INSIST: f64 = 0.5;
-/// Largest change of a rotor's speed from one sample to the next, Hz.
-const MOTOR_JUMP: f64 = 40.0;
-/// A jump is accepted once this many samples agree with it.
-const PATIENCE: u8 = 4;
 /// A time before every other time, s.
 const LONG_AGO: f64 = -1e9;
 
@@ -70,13 +66,6 @@ impl Host {
     /// # Errors
     /// If the period of a stream is not possible.
     pub fn new(params: LinkParams, rotor_count: usize) -> Result<Self, Error> {
-        let motor_gate = Gate::new(GateParams {
-            min: [-1e3],
-            max: [1e3],
-            jump: [MOTOR_JUMP],
-            patience: PATIENCE,
-            longest: PATIENCE,
-        })?;
         Ok(Self {
             params,
             stage: Stage::Identify { tries: 0, asked: LONG_AGO },
@@ -86,7 +75,7 @@ impl Host {
             imu: ImuStream::new(&params)?,
             telemetry: Telemetry::new(rotor_count),
             motor_states: [None; MAX_ROTORS],
-            motor_gates: [motor_gate; MAX_ROTORS],
+            motor_gates: [Gate::rotor_speed()?; MAX_ROTORS],
             rotor_count,
             text: None,
             motor_asked: LONG_AGO,

@@ -30,6 +30,7 @@ use crate::{
     output::{self, say},
     recorder::Recorder,
     signals,
+    waiting::Waiting,
 };
 
 /// The key that holds.
@@ -107,11 +108,10 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         })?,
         port,
         poses,
-        commands,
+        waiting: Waiting::new(commands, carrier),
         feed,
         flags: flags.clone(),
         hold: Arc::clone(&hold),
-        carrier,
         params: ConsoleParams { take_off: args.take_off, patience: args.take_off.then_some(PATIENCE) },
     };
     let (say_end, end) = mpsc::sync_channel(1);

@@ -139,6 +139,9 @@ pub(super) fn outcome(
                 row.name, row.detection
             )))
         }
+        Some(End::NotLanded) => Err(Failure::fault(
+            "the vehicle flew, and its motors are off, but it has told of no landing: its board has started again; look at the vehicle",
+        )),
         Some(End::Interrupted) => Err(interrupted("the vehicle has not started")),
         Some(End::Killed { in_flight: true }) => {
             Err(Failure::fault("killed by order: the motors were stopped in flight, and the vehicle fell"))

@@ -154,11 +154,7 @@ fn messages_without_a_checksum_turn_no_motor_and_stop_none_in_the_air() {
     let mut world = World::hover();
     let commanded = |world: &World| world.simulation.firmware().firmware().output().motors;
     let mut other = world.clone();
-    let send = |world: &mut World, message: HostMessage| {
-        let mut bytes = [0; MAX_FRAME];
-        let length = message.encode(&mut bytes);
-        world.simulation.receive(&bytes[..length], &mut Vec::new());
-    };
+    let send = |world: &mut World, message| world.send(&[ToVehicle::Tk3(message)]);
     let values = MotorValues::from_speeds(&[60.0; 6]).unwrap();
     let speeds = HostMessage::Speeds(values);
     let throttles = HostMessage::Throttles(MotorValues::new(&[0; 6]).unwrap());
@@ -225,6 +221,79 @@ fn a_take_off_that_is_called_off_does_not_wait_for_the_next_operator() {
     world.blind = false;
     world.run(5.0);
     assert_eq!(world.phase(), Phase::Disarmed);
+}
+
+#[test]
+fn after_a_start_that_was_called_off_motors_start_only_by_a_new_order() {
+    for phase in [Phase::Starting, Phase::Grounded] {
+        let mut world = World::new();
+        world.until(5.0, |world| world.base.flight().is_some());
+        world.run(2.0);
+        world.order(Order::TakeOff);
+        world.until(20.0, |world| world.phase() == phase);
+        world.blind = true;
+        world.until(1.0, |world| world.phase() == Phase::Disarmed);
+        world.blind = false;
+        world.run(5.0);
+        assert_eq!(world.phase(), Phase::Disarmed, "after {phase:?}");
+        assert!(!world.simulation.firmware().any_spins());
+        let said = "the start is called off; order the take-off again";
+        assert!(world.texts.iter().any(|text| text == said), "{:?}", world.texts);
+        world.order(Order::TakeOff);
+        world.until(1.0, |world| world.phase() == Phase::Starting);
+        world.run(0.1);
+        assert_eq!(world.answers, [true, true]);
+    }
+}
+
+#[test]
+fn x_on_the_ground_ends_the_order_to_take_off() {
+    let mut world = World::new();
+    world.blind = true;
+    world.until(5.0, |world| world.base.flight().is_some());
+    world.order(Order::TakeOff);
+    world.run(0.5);
+    world.send(&[ToVehicle::Tk3(HostMessage::StopAll)]);
+    world.blind = false;
+    world.run(5.0);
+    assert_eq!(world.phase(), Phase::Disarmed);
+    world.order(Order::TakeOff);
+    world.until(1.0, |world| world.phase() == Phase::Starting);
+}
+
+#[test]
+fn what_ends_a_flight_wins_against_an_order_that_comes_with_it() {
+    let take_off = ToVehicle::Order(1, Order::TakeOff);
+    let (land, stop) = (ToVehicle::Order(0, Order::Land), ToVehicle::Tk3(HostMessage::StopAll));
+    for together in [[take_off, land], [land, take_off], [take_off, stop], [stop, take_off]] {
+        let mut world = World::new();
+        world.until(5.0, |world| world.base.flight().is_some());
+        world.run(2.0);
+        world.send(&together);
+        world.run(5.0);
+        assert_eq!(world.phase(), Phase::Disarmed, "{together:?}");
+        let said = "order refused: an order to land or to stop came with it";
+        assert!(world.texts.iter().any(|text| text == said), "{together:?} {:?}", world.texts);
+        world.order(Order::TakeOff);
+        world.until(1.0, |world| world.phase() == Phase::Starting);
+    }
+}
+
+#[test]
+fn a_place_that_is_refused_is_refused_each_time() {
+    let mut world = World::hover();
+    let start = world.record().setpoint;
+    let limits =
+        Limits { velocity: 0.5, acceleration: 0.5, angular_velocity: 0.5, angular_acceleration: 0.5 };
+    let position_w = Vector3::new(500.0, 0.0, 1.0);
+    let far = GoTo { position_w, rotation_we: start.rotation_we, duration: 0.0, limits };
+    for _ in 0..4 {
+        world.order(Order::GoTo(far));
+        let answers = world.answers.len();
+        world.until(1.0, |world| world.answers.len() > answers);
+    }
+    assert_eq!(world.answers, [true, false, false, false, false]);
+    assert_eq!(world.record().setpoint.position_w, start.position_w);
 }
 
 /// The flight's own inputs, given to another flight, give the same command to each rotor, bit for bit.

@@ -6,7 +6,8 @@ use tilthex_config::{Config, VehicleSection};
 use tilthex_core::{PoseSample, flight::Record, supervisor::Phase};
 use tilthex_link::{
     Outgoing,
-    onboard::{Base, BaseParams, Event, Order},
+    onboard::{Base, BaseParams, Event, Order, ToVehicle},
+    tk3::MAX_FRAME,
 };
 use tilthex_sim::{
     Own, Simulation, SimulationParams,
@@ -99,7 +100,7 @@ impl World {
             Event::Text(_, text) => texts.push(text.to_string()),
             Event::Answered(_, accepted) => answers.push(accepted),
             Event::Unanswered(order) => panic!("no answer to {order:?}"),
-            Event::Restarted => texts.push("restarted".into()),
+            Event::Restarted(_) => texts.push("restarted".into()),
         };
         base.receive(&bytes, now, &mut tell);
         let mut out = Outgoing::default();
@@ -108,6 +109,15 @@ impl World {
         }
         base.talk(now, self.silence, &mut out, &mut tell);
         self.simulation.receive(out.bytes(), &mut Vec::new());
+    }
+
+    /// Messages for the vehicle that arrive together.
+    pub(crate) fn send(&mut self, messages: &[ToVehicle]) {
+        for message in messages {
+            let mut bytes = [0; MAX_FRAME];
+            let length = message.encode(&mut bytes);
+            self.simulation.receive(&bytes[..length], &mut Vec::new());
+        }
     }
 
     pub(crate) fn run(&mut self, seconds: f64) {
