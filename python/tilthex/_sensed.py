@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 SETTLES = 0.5
 """The observed wrench and the low-pass follow a new bias in this time, s."""
 
+
 @dataclass(frozen=True)
 class Wrenches:
     """`time` s, (n,); `wrench` (n, 6): force in N, torque in N m. The axes depend on the use."""
