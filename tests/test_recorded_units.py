@@ -7,7 +7,7 @@ import pytest
 import tilthex
 from scipy.spatial.transform import Rotation
 from test_estimate import recorded, write_csv
-from test_recordings import EUROC, FIELDS, inertial, quaternions, refused, same, table
+from test_recordings import EUROC, EUROC_POSE, FIELDS, inertial, quaternions, refused, same, table
 from tilthex.recording import Recording
 
 
@@ -163,3 +163,38 @@ def test_a_pose_with_a_gap_is_named(tmp_path, config, truth):
     fields[11] = ""
     path.write_text("\n".join([*lines[:205], ",".join(fields), *lines[206:]]))
     assert "line 206 has no number for quaternion_y" in refused(path, config)
+
+
+def test_tables_of_euroc_and_tum_are_read(tmp_path, config, truth):
+    """The ground truth of EuRoC has nanoseconds since 1970 without a unit, TUM has blanks and remarks."""
+    since = 1.4e9
+    xyzw = quaternions(truth)
+    rows = inertial(truth)
+    rows[:, 0] = np.round((rows[:, 0] + since) * 1e9)
+    imu = table(tmp_path / "imu.csv", EUROC, rows)
+    time = truth.pose_time + since
+    wxyz = np.column_stack([np.round(1e9 * time), truth.position, xyzw[:, [3, 0, 1, 2]]])
+    euroc = table(tmp_path / "gt.csv", EUROC_POSE, wxyz)
+    lines = [
+        "# ground truth, file: x.bag",
+        "# timestamp tx ty tz qx qy qz qw",
+        *(
+            f"{t:.6f} " + " ".join(f"{x:.9f}" for x in row)
+            for t, row in zip(time, np.c_[truth.position, xyzw], strict=True)
+        ),
+    ]
+    tum = tmp_path / "tum.csv"
+    tum.write_text("\n".join(lines) + "\n")
+    for poses in (euroc, tum):
+        found = Recording.from_file(imu, config, poses=str(poses))
+        np.testing.assert_allclose(found.pose_time - since, truth.pose_time, atol=1e-6)
+        np.testing.assert_allclose(found.position, truth.position, atol=1e-8)
+        np.testing.assert_allclose(found.rotation, truth.rotation, atol=1e-7)
+    tum.write_text("\n".join([*lines[:5], lines[5] + " 1"]))
+    assert "line 6 has 9 fields; expected 8" in refused(tum, config)
+
+
+@pytest.mark.parametrize("text", ["", "\n \n"])
+def test_an_empty_table_is_named(tmp_path, config, text):
+    (tmp_path / "r.csv").write_text(text)
+    assert "r.csv is empty; expected names in its first line" in refused(tmp_path / "r.csv", config)

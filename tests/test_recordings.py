@@ -186,7 +186,9 @@ def test_logs_of_px4(tmp_path, config, truth, newer):
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
-@pytest.mark.parametrize("kind", ["PoseStamped", "TransformStamped", "Odometry", "PoseWithCovarianceStamped"])
+@pytest.mark.parametrize(
+    "kind", ["PoseStamped", "TransformStamped", "TFMessage", "Odometry", "PoseWithCovarianceStamped"]
+)
 def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
     pytest.importorskip("rosbags", reason="pip install 'tilthex[logs]'")
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -194,7 +196,7 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     m = store.types
-    module = "nav_msgs" if kind == "Odometry" else "geometry_msgs"
+    module = {"Odometry": "nav_msgs", "TFMessage": "tf2_msgs"}.get(kind, "geometry_msgs")
     name = f"{module}/msg/{kind}"
 
     def header(t):
@@ -207,8 +209,10 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
     def pose_message(t, p, q):
         pose = m["geometry_msgs/msg/Pose"](m["geometry_msgs/msg/Point"](*p), turn(*q))
         whole = m["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
-        if kind == "TransformStamped":
-            return m[name](header(t), "body", m["geometry_msgs/msg/Transform"](vector(*p), turn(*q)))
+        if kind in ("TransformStamped", "TFMessage"):
+            moved = m["geometry_msgs/msg/Transform"](vector(*p), turn(*q))
+            one = m["geometry_msgs/msg/TransformStamped"](header(t), "body", moved)
+            return one if kind == "TransformStamped" else m[name]([one])
         if kind == "PoseStamped":
             return m[name](header(t), pose)
         if kind == "PoseWithCovarianceStamped":
@@ -231,7 +235,10 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
         found = Recording.from_file(path, config)
         same(found, truth, 1e-6, FIELDS[:-1])
         np.testing.assert_allclose(found.pose_arrival_time, truth.pose_time + 0.01, atol=1e-6)
-    assert "has no '/other'; it has /imu/data, /mocap" in refused(tmp_path / "bag", config, imu="/other")
+    frame = "/body" if kind == "TFMessage" else ""
+    assert f"has no '/other'; it has /imu/data, /mocap{frame}" in refused(
+        tmp_path / "bag", config, imu="/other"
+    )
 
 
 def foreign_mcap(path, topics):
