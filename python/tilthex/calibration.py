@@ -150,11 +150,14 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     low, high = search.bounds()
     bounds = low[:7], high[:7]
     place: dict[str, Any] = {"jac": search.jacobian, "bounds": bounds, "max_nfev": 40}
+    search.weigh(np.ones(7), coarse)
     near = least_squares(search.residuals, np.ones(7), args=(coarse,), **place)
+    search.weigh(near.x, search.config)
     found = least_squares(search.residuals, near.x, args=(search.config,), loss="soft_l1", **place)
     at_bound = np.minimum(abs(found.x - bounds[0]), abs(found.x - bounds[1])) < 0.1
     if at_bound.any():
         _refuse(search.calibration(found.x), bool(at_bound[6]))
+    search.weigh(found.x, search.config)
     all_of_it = least_squares(
         search.residuals,
         np.r_[found.x, np.ones(12)],
@@ -254,15 +257,25 @@ class _Search:
             written=MATRICES if count > 7 else (),
         )
 
+    def weigh(self, parameters: Array, base: _core.Config) -> None:
+        """Takes the standard deviations of the innovations that these parameters predict.
+
+        They stay the same in a search: a longer lever arm predicts larger innovations, so that the search
+        would make it longer than it is.
+        """
+        self._deviation = self._run(parameters, base).innovation_deviation[self._counts]
+
     def residuals(self, parameters: Array, base: _core.Config) -> Array:
         """The innovations in standard deviations, and what is known of the matrices without a recording."""
-        tried = self.calibration(parameters)
-        tried = replace(tried, latency=tried.latency - self._late)
-        run = self._recording.estimate(_core.Ukf(tried.config(base)))
-        whitened = (run.innovation / run.innovation_deviation)[self._counts]
+        whitened = self._run(parameters, base).innovation[self._counts] / self._deviation
         innovations: Array = np.nan_to_num(whitened, nan=10.0).ravel()
         whole: Array = np.concatenate([innovations, parameters[7:] - 1])
         return whole
+
+    def _run(self, parameters: Array, base: _core.Config) -> _core.UkfRun:
+        tried = self.calibration(parameters)
+        tried = replace(tried, latency=tried.latency - self._late)
+        return self._recording.estimate(_core.Ukf(tried.config(base)))
 
     def jacobian(self, parameters: Array, base: _core.Config) -> Array:
         """Its derivatives, from runs on all processors."""
