@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 import tilthex
 from numpy.typing import NDArray
-from tilthex._quaternions import rotations_from_quaternions
 from tilthex.estimate import calibrate
 from tilthex.estimate_figures import pose_errors
 from tilthex.noises import find_noises
@@ -48,15 +47,7 @@ def path(name: str = NAME) -> Path:
 
 def load(name: str = NAME) -> Recording:
     """A whole recording; poses with hidden markers are left out."""
-    from scipy.io import loadmat
-
-    raw = loadmat(path(name))
-    at = np.arange(len(raw["imu_gyr"])) / float(raw["sampling_rate"].item())
-    seen = np.isfinite(raw["opt_quat"]).all(axis=1) & np.isfinite(raw["opt_pos"]).all(axis=1)
-    rotation = rotations_from_quaternions(raw["opt_quat"][:, [1, 2, 3, 0]])
-    return Recording(
-        at, raw["imu_gyr"], raw["imu_acc"], at[seen], raw["opt_pos"][seen], rotation[seen], at[seen]
-    )
+    return Recording.from_file(path(name), config()).tracked()
 
 
 def config() -> tilthex.Config:

@@ -1,6 +1,7 @@
 """`tilthex compare`: an external sensor on another clock, in other axes, beside what was observed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -89,6 +90,53 @@ def test_a_tare_takes_the_sensors_zero_off():
     np.testing.assert_allclose((tared.observed - tared.sensor).mean(axis=0), 0, atol=0.02)
     with pytest.raises(ValueError, match="no reading from 100 to 101 s"):
         c.compare(flight, tool, sensor, mounting, tare=(100, 101))
+
+
+def test_what_is_before_the_bias_does_not_count():
+    """A bias that is learnt after 8 s; `begin` and `end` are the user's."""
+    flight, tool = contact(8)
+    sensor = reading(flight, tool, c.Mounting(), 0.0, 500.0)
+    flight.wrench[flight.time < flight.time[0] + 8] += [5, 0, 4, 0, 1, 0]
+    late = replace(flight, learnt=8.5)
+    found = c.compare(late, tool, sensor, c.Mounting())
+    assert abs(found.offset) < 3e-3 and found.time[0] == pytest.approx(8.5, abs=0.011)
+    assert abs((found.observed - found.sensor).mean(axis=0)).max() < 0.05
+    assert "from 8.5 to 19.0 s since take-off" in str(found)
+    whole = c.compare(late, tool, sensor, c.Mounting(), begin=0.0, end=12.0, offset=0.0)
+    assert (whole.observed - whole.sensor).mean(axis=0)[0] > 2.0
+    assert whole.time[0] < 1.1 and whole.time[-1] == pytest.approx(12.0, abs=0.011)
+    with pytest.raises(ValueError, match=r"0\.99 s of the flight count; expected 2 s at least: see --begin"):
+        c.compare(flight, tool, sensor, c.Mounting(), begin=5.0, end=5.995)
+
+
+class FakeLog:
+    """The topics that show when something was learnt: 100 Hz, in the air after 2 s, still from 4 to 7 s."""
+
+    path = "flight.mcap"
+
+    def __init__(self, hovers_at=None):
+        self.time = 1.7e9 + np.arange(0, 20, 0.01)
+        since = self.time - 1.7e9
+        moves = np.clip(since, 2, 4) + np.maximum(since - 7, 0)
+        phase = np.where(since < 2, "grounded", "flying")
+        hovers = np.zeros(2000) if hovers_at is None else 1.0 * (since > hovers_at)
+        self.topics = {
+            "/flight": {"phase": phase},
+            "/setpoint": {"position_w": moves[:, None] * [0.0, 0.1, 0.2]},
+            "/model": {"hovers": hovers},
+        }
+
+    def columns(self, topic):
+        return {"log_time": self.time, **self.topics[topic]}
+
+
+@pytest.mark.parametrize(
+    ("bias_time", "hovers_at", "ends"),
+    [(2.0, None, 6.0), (0.0, None, 2.0), (5.0, None, 2.0), (2.0, 9.0, 9.0)],
+)
+def test_a_log_shows_when_the_bias_is_known(bias_time, hovers_at, ends):
+    found = log.learning_ends(FakeLog(hovers_at), bias_time) - 1.7e9
+    assert found == pytest.approx(ends, abs=0.03)
 
 
 def test_another_contact_and_another_sign_are_refused():

@@ -1,6 +1,7 @@
 """`tilthex fit` and `tilthex excite`: a vehicle that is not its model is found from its flight."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -45,6 +46,12 @@ def test_a_vehicle_that_is_not_its_model_is_found(flight):
     assert np.linalg.norm(wrench[0] - wrench[1]) < 0.2 * np.linalg.norm(wrench[2] - wrench[1])
     again = tilthex.Vehicle.from_dict({"name": "x", "mass": 1, "inertia": [1, 1, 1], "rotors": MODEL.rotors})
     assert again.rotor_count == found.vehicle.rotor_count
+    # The mass was weighed, so that nobody is asked to weigh it; the model's value stays the model's.
+    text = fit.report(found)
+    assert found["mass"].model == MODEL.mass != found["mass"].value
+    assert "--mass" not in text and "weighed" in text.splitlines()[2]
+    assert ("drag moment: a flight cannot tell it" in text) != found["drag moment"].learnt
+    assert tilthex.Config.from_text(fit.toml(found)).vehicle == found.vehicle
     said = json.loads(json.dumps(fit.summary(found), allow_nan=False))
     assert (
         said["figures"]["rotor lag"]["value"] == found["rotor lag"].value and said["seconds"] == found.seconds
@@ -59,6 +66,25 @@ def test_a_still_hover_says_that_it_tells_no_inertia():
     for name in ("mass", "inertia xx", "inertia yy", "inertia zz", "drag moment"):
         assert not found[name].learnt, str(found[name])
         assert "not learnt" in str(found[name])
+
+
+def test_what_belongs_to_other_sections_is_written_for_them(flight, tmp_path):
+    """The written file is a configuration, and a vehicle; a key that was not learnt stays away."""
+    found = identify([flight, flight], MODEL)
+    names = {"rotor drag": ("contact", "rotor_drag"), "age of rotor speeds": ("link", "rotor_speed_age")}
+    for learnt in (True, False):
+        figures = [
+            replace(f, value=1.5e-4, deviation=(0.1 if learnt else 0.9) * f.prior) if f.name in names else f
+            for f in found.figures
+        ]
+        (tmp_path / "v.toml").write_text(fit.toml(replace(found, figures=figures)))
+        config = tilthex.Config.from_toml(tmp_path / "v.toml")
+        for section, key in names.values():
+            assert config.to_dict()[section][key] == (1.5e-4 if learnt else 0.0)
+        assert tilthex.Vehicle.from_toml(tmp_path / "v.toml") == found.vehicle == config.vehicle
+    drawn = fit.figure([flight, flight], found, ["a.mcap", "b.mcap"])
+    assert len(drawn.axes) == 12 and [axes.get_title() for axes in drawn.axes[:2]] == ["a.mcap", "b.mcap"]
+    assert all(len(axes.lines) == 2 for axes in drawn.axes)
 
 
 def test_too_little_of_flight_is_one_sentence():

@@ -76,58 +76,6 @@ def test_tables_of_euroc_in_two_files(tmp_path, config, truth, bom, separator):
     same(Recording.from_file(imu, config, poses=str(poses)), truth, 1e-6)
 
 
-@pytest.mark.parametrize(
-    ("names", "factors"),
-    [
-        (("time_ms", "gyro_{}_deg_s", "acc_{}_g"), (1e3, 180 / np.pi, 1 / 9.80665)),
-        (("t [us]", "omega_{} [deg/s]", "accel_{} (m/s^2)"), (1e6, 180 / np.pi, 1.0)),
-        (("Timestamp", "w{}", "a{}"), (1.0, 1.0, 1.0)),
-        (("stamp", "angular_velocity.{}", "linear_acceleration.{} [mg]"), (1.0, 1.0, 1e3 / 9.80665)),
-    ],
-)
-def test_units_in_the_names_of_columns_count(tmp_path, config, truth, names, factors):
-    time, gyro, force = names
-    head = [time, *(gyro.format(a) for a in "xyz"), *(force.format(a) for a in "xyz")]
-    imu = table(tmp_path / "imu.csv", head, inertial(truth, *factors))
-    rows = np.column_stack([truth.pose_time, 1e3 * truth.position, quaternions(truth)])
-    head = ["t", "x [mm]", "y [mm]", "z [mm]", "qx", "qy", "qz", "qw"]
-    same(Recording.from_file(imu, config, poses=str(table(tmp_path / "p.csv", head, rows))), truth, 1e-6)
-
-
-@pytest.mark.parametrize(
-    ("factors", "question"),
-    [
-        ((1e9, 1.0, 1.0), "is it in nanoseconds?"),
-        ((1.0, 3000.0, 1.0), "is it in degrees per second?"),
-        ((1.0, 1.0, 1 / 9.81), "is it in g?"),
-    ],
-)
-def test_units_that_are_not_said_are_asked_for(tmp_path, config, factors, question):
-    t = np.arange(0, 2, 0.002)
-    still = np.column_stack([t, 0.02 + 0 * t, 0 * t, 0 * t, 0 * t, 0 * t, 9.81 + 0 * t])
-    still *= np.r_[factors[0], [factors[1]] * 3, [factors[2]] * 3]
-    poses = np.tile([0, 0, 0, 0, 0, 0, 1.0], (len(t), 1))
-    names = ["time", *(f"gyro_{a}" for a in "xyz"), *(f"force_{a}" for a in "xyz")]
-    names += [*(f"position_{a}" for a in "xyz"), *(f"quaternion_{a}" for a in "xyzw")]
-    path = table(tmp_path / "r.csv", names, np.column_stack([still, poses]))
-    said = refused(path, config)
-    assert question in said and "say the unit in the column's name" in said
-
-
-def test_a_unit_that_is_none_is_named(tmp_path, config, truth):
-    path = table(
-        tmp_path / "r.csv", ["time", *(f"gyro_{a} [furlong]" for a in "xyz"), *EUROC[4:]], inertial(truth)
-    )
-    assert "column 'gyro_x [furlong]' has the unit 'furlong'; expected rad/s" in refused(path, config)
-
-
-def test_clocks_without_a_common_time_are_refused(tmp_path, config, truth):
-    imu = table(tmp_path / "imu.csv", EUROC, inertial(truth, 1e9))
-    rows = np.column_stack([1e9 * truth.pose_time, truth.position, quaternions(truth)])
-    poses = table(tmp_path / "p.csv", ["t", *"xyz", "qx", "qy", "qz", "qw"], rows)
-    assert "have no time in common" in refused(imu, config, poses=str(poses))
-
-
 @pytest.mark.parametrize("off", [0.0, 1e-5, 5e-3])
 def test_near_rotations_are_made_rotations(tmp_path, config, truth, off):
     """Also into the estimator: no NaN, and no error."""
@@ -138,6 +86,8 @@ def test_near_rotations_are_made_rotations(tmp_path, config, truth, off):
     np.testing.assert_allclose(product, np.broadcast_to(np.eye(3), product.shape), atol=1e-12)
     np.testing.assert_allclose(found.rotation, truth.rotation, atol=2 * off + 1e-12)
     run = found.estimate(tilthex.Ukf(config))
+    near = Recording(*(getattr(found, name) for name in FIELDS[:5]), matrices, found.pose_arrival_time)
+    np.testing.assert_allclose(near.estimate(tilthex.Ukf(config)).position, run.position, atol=1e-9)
     assert np.isfinite(run.position[-1]).all() and np.isfinite(run.rotation[-1]).all()
 
 
@@ -236,7 +186,9 @@ def test_logs_of_px4(tmp_path, config, truth, newer):
 
 
 @pytest.mark.parametrize("storage", ["SQLITE3", "MCAP"])
-@pytest.mark.parametrize("kind", ["PoseStamped", "TransformStamped", "Odometry", "PoseWithCovarianceStamped"])
+@pytest.mark.parametrize(
+    "kind", ["PoseStamped", "TransformStamped", "TFMessage", "Odometry", "PoseWithCovarianceStamped"]
+)
 def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
     pytest.importorskip("rosbags", reason="pip install 'tilthex[logs]'")
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -244,7 +196,7 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     m = store.types
-    module = "nav_msgs" if kind == "Odometry" else "geometry_msgs"
+    module = {"Odometry": "nav_msgs", "TFMessage": "tf2_msgs"}.get(kind, "geometry_msgs")
     name = f"{module}/msg/{kind}"
 
     def header(t):
@@ -257,8 +209,10 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
     def pose_message(t, p, q):
         pose = m["geometry_msgs/msg/Pose"](m["geometry_msgs/msg/Point"](*p), turn(*q))
         whole = m["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36))
-        if kind == "TransformStamped":
-            return m[name](header(t), "body", m["geometry_msgs/msg/Transform"](vector(*p), turn(*q)))
+        if kind in ("TransformStamped", "TFMessage"):
+            moved = m["geometry_msgs/msg/Transform"](vector(*p), turn(*q))
+            one = m["geometry_msgs/msg/TransformStamped"](header(t), "body", moved)
+            return one if kind == "TransformStamped" else m[name]([one])
         if kind == "PoseStamped":
             return m[name](header(t), pose)
         if kind == "PoseWithCovarianceStamped":
@@ -281,7 +235,10 @@ def test_bags_of_ros_2(tmp_path, config, truth, storage, kind):
         found = Recording.from_file(path, config)
         same(found, truth, 1e-6, FIELDS[:-1])
         np.testing.assert_allclose(found.pose_arrival_time, truth.pose_time + 0.01, atol=1e-6)
-    assert "has no '/other'; it has /imu/data, /mocap" in refused(tmp_path / "bag", config, imu="/other")
+    frame = "/body" if kind == "TFMessage" else ""
+    assert f"has no '/other'; it has /imu/data, /mocap{frame}" in refused(
+        tmp_path / "bag", config, imu="/other"
+    )
 
 
 def foreign_mcap(path, topics):

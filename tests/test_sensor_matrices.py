@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 import tilthex
 from numpy.testing import assert_array_equal
+from scipy.spatial.transform import Rotation
 from tilthex.calibration import MATRICES, calibrate
 from tilthex.estimate_figures import pose_errors
+from tilthex.recording import Recording
 
 from benchmarks import eskf, ungated
 
@@ -64,3 +66,31 @@ def test_the_matrices_of_good_sensors_stay_as_they_are_configured():
     assert str(found).count("# gyro_matrix = ") == 1
     assert found.gyro_deviation.max() < 0.01
     assert_array_equal(found.deviation > 0, True)
+
+
+def test_a_lever_arm_is_not_made_longer_than_it_is():
+    """Slow motion hardly shows it, and a longer one predicts larger innovations."""
+    rng = np.random.default_rng(404)
+    time = np.arange(0, 12, 0.005)
+    swing = rng.uniform(0.2, 0.9, (6, 6)), rng.uniform(0, 2 * np.pi, (6, 6))
+    size = rng.uniform(0.3, 1, (6, 6)) * np.repeat([0.15, 0.2], 3)[:, None]
+
+    def pose(at):
+        waves = np.sin(2 * np.pi * np.multiply.outer(at, swing[0]) + swing[1])
+        where = (waves * size).sum(axis=2) * (np.clip((at - 1.0) / 2, 0, 1) ** 3)[:, None]
+        return where[:, :3], Rotation.from_euler("ZYX", where[:, 3:])
+
+    step = 1e-3
+    before, here, after = (pose(time + shift) for shift in (-step, 0.0, step))
+    gyro = (before[1].inv() * after[1]).as_rotvec() / (2 * step) + rng.normal(0, 7e-3, (len(time), 3))
+    lift = (before[0] - 2 * here[0] + after[0]) / step**2 + [0, 0, tilthex.GRAVITY]
+    force = here[1].inv().apply(lift) + rng.normal(0, 0.14, (len(time), 3))
+    arm = np.array([0.03, -0.02, 0.05])
+    stamp = time[::5]
+    place = here[0][::5] + here[1][::5].apply(arm) + rng.normal(0, 2e-3, (len(stamp), 3))
+    turned = Rotation.from_rotvec(rng.normal(0, 6e-3, (len(stamp), 3))) * here[1][::5]
+    recording = Recording(time, gyro, force, stamp, place, turned.as_matrix(), stamp)
+    default = tilthex.Config.default(tilthex.Vehicle.preset("tilt-hex"))
+    found = calibrate(recording, default.replace(vehicle={"imu_position": [0, 0, 0]}))
+    assert np.linalg.norm(found.body_position - arm) < 0.02
+    assert (abs(found.body_position - arm) < 4 * found.deviation[:3]).all()

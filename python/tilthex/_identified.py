@@ -99,6 +99,8 @@ class Figure:
     deviation: float
     prior: float
     model: float
+    weighed: bool = False
+    """Whether the user has measured it; the flight need not determine it."""
 
     @property
     def learnt(self) -> bool:
@@ -107,7 +109,7 @@ class Figure:
 
     def __str__(self) -> str:
         """One line of a table."""
-        tail = "" if self.learnt else "  not learnt"
+        tail = "  weighed" if self.weighed else "" if self.learnt else "  not learnt"
         figure = f"{self.name:22s} {self.value:12.6g} +- {self.deviation:9.2g} {self.unit:10s}"
         return f"{figure} (model: {self.model:.5g} +- {self.prior:.2g}){tail}"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,25 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core
+from tilthex._rates import Rates
+from tilthex._scatter import spread
 from tilthex._toml import tomllib
 from tilthex.recording import Recording
 
 Array = NDArray[np.float64]
 
-LATENCIES = (-0.049, 0.1)
-"""The range of latencies in which `calibrate` searches, s: the history of the filter."""
+LATENCIES = (-0.05, 0.5)
+"""The range of latencies in which `calibrate` searches, s: that of the key."""
+NEAR = 0.045
+"""The search begins this close to the latency, s: angular rates show it before."""
 FARTHEST = 3.0
 """Largest distance of the captured body from the robot's origin along each axis, m."""
-BLOCK = 1.0
-"""Innovations that are further apart than this count as independent, s."""
-TURNS = 0.05
-"""Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
+USUAL_HISTORY = 0.3
+"""The default `history`, s; a latency may be half of it."""
+EDGE = 1e-3
+"""A latency this close to the range's end is at its bound, s."""
 USUAL = 0.05, 0.02
 """Standard deviations of the entries of the gyro's and of the accelerometer's matrix without a recording."""
 MATRIX_OFF = 0.29
 """Largest difference of an entry from the identity that is searched; the estimator takes 0.3."""
 TELLS = 4.0
-"""A matrix is written if one of its entries is this many standard deviations from the configured one."""
+"""A matrix is written if one of its entries is this many deviations of noise from the configured one."""
 MATRICES = "gyro_matrix", "accelerometer_matrix"
 """Their keys."""
 STEP = 1e-3
@@ -61,6 +66,12 @@ class Calibration:
     accelerometer_deviation: Array
     written: tuple[str, ...]
 
+    @property
+    def history(self) -> float | None:
+        """The key `history` that this latency needs, s; None if the default suffices."""
+        needed = math.ceil(100 * (2 * self.latency + 0.02)) / 100
+        return min(needed, 1.0) if needed > USUAL_HISTORY else None
+
     def config(self, config: _core.Config) -> _core.Config:
         """A configuration with this place, latency, and the matrices that differ from the configured ones."""
         keys: dict[str, Any] = {
@@ -68,6 +79,8 @@ class Calibration:
             "body_rotation_deg": self.body_rotation_deg.tolist(),
             "latency": self.latency,
         }
+        if self.history is not None:
+            keys["history"] = max(self.history, config.to_dict()["estimator"]["history"])
         matrices = {
             "gyro_matrix": self.gyro_matrix.tolist(),
             "accelerometer_matrix": self.accelerometer_scale.tolist(),
@@ -77,8 +90,8 @@ class Calibration:
     def __str__(self) -> str:
         """The keys of a configuration, with the deviations as comments."""
 
-        def several(values: Array) -> str:
-            return ", ".join(f"{value:.4g}" for value in values)
+        def several(values: Array, digits: int = 3) -> str:
+            return ", ".join(f"{value:.{digits}g}" for value in values)
 
         rows = ", ".join(f"[{', '.join(f'{value:.5f}' for value in row)}]" for row in self.gyro_matrix)
         scale = ", ".join(f"{value:.5f}" for value in self.accelerometer_scale)
@@ -90,10 +103,15 @@ class Calibration:
         return "\n".join(
             [
                 "[estimator]",
-                f"body_position = [{several(self.body_position)}]  # +- {several(self.deviation[:3])} m",
-                f"body_rotation_deg = [{several(self.body_rotation_deg)}]"
+                f"body_position = [{several(self.body_position, 5)}]  # +- {several(self.deviation[:3])} m",
+                f"body_rotation_deg = [{several(self.body_rotation_deg, 6)}]"
                 f"  # +- {several(self.deviation[3:6])} degrees",
-                f"latency = {self.latency:.4g}  # +- {self.deviation[6]:.4g} s",
+                f"latency = {self.latency:.5g}  # +- {self.deviation[6]:.3g} s",
+                *(
+                    []
+                    if self.history is None
+                    else [f"history = {self.history}  # s, twice the latency at least"]
+                ),
                 *(
                     f"{key} = {text}" if key in self.written else f"# {key} = {text}: {kept}"
                     for key, text in found.items()
@@ -105,11 +123,12 @@ class Calibration:
 def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Calibration:
     """Finds the captured body's pose on the robot, the latency of the poses, and the sensors' matrices.
 
-    They are the ones that minimise the innovations. The search starts with the rotation that aligns both
-    angular velocities (Wahba's problem), so that any rotation can be found. The latency is between -50 and
-    100 ms. The matrices are searched last, together with the place; what a recording does not tell of them
-    stays near the configured values. The flight must turn about at least two axes. The deviations show what
-    the flight does not determine; they are from the scatter between blocks of a second.
+    They are the ones that minimise the innovations. The search starts with the latency within `LATENCIES` and
+    the rotation that align both angular velocities (Wahba's problem), so that any rotation can be found. The
+    matrices are searched last, together with the place; what a recording does not tell of them stays near the
+    configured values. The flight must turn about at least two axes. The deviations show what the flight does
+    not determine; they are from the scatter between blocks of a second, and between three and four pieces of
+    the recording.
 
     Args:
         recording: A flight of about ten seconds.
@@ -131,17 +150,14 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     low, high = search.bounds()
     bounds = low[:7], high[:7]
     place: dict[str, Any] = {"jac": search.jacobian, "bounds": bounds, "max_nfev": 40}
+    search.weigh(np.ones(7), coarse)
     near = least_squares(search.residuals, np.ones(7), args=(coarse,), **place)
+    search.weigh(near.x, search.config)
     found = least_squares(search.residuals, near.x, args=(search.config,), loss="soft_l1", **place)
     at_bound = np.minimum(abs(found.x - bounds[0]), abs(found.x - bounds[1])) < 0.1
     if at_bound.any():
-        best = search.calibration(found.x)
-        what = "latency" if at_bound[6] else "place of the body"
-        raise ValueError(
-            f"the {what} comes out at its bound (latency {best.latency:.3f} s, place "
-            f"{np.round(best.body_position, 2).tolist()} m): the clocks of poses and samples differ by "
-            f"more than {LATENCIES[0]} to {LATENCIES[1]} s; move the times of the poses"
-        )
+        _refuse(search.calibration(found.x), bool(at_bound[6]))
+    search.weigh(found.x, search.config)
     all_of_it = least_squares(
         search.residuals,
         np.r_[found.x, np.ones(12)],
@@ -163,14 +179,40 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     )
 
 
+def _refuse(best: Calibration, latency: bool) -> None:
+    """Says which value is at its bound, and what to do."""
+    if latency and not LATENCIES[0] + EDGE < best.latency < LATENCIES[1] - EDGE:
+        raise ValueError(
+            f"the latency comes out at its bound, {best.latency:.3f} s; expected {LATENCIES[0]} to "
+            f"{LATENCIES[1]} s: the clocks of poses and samples differ by more; move the times of the poses"
+        )
+    if latency:
+        raise ValueError(
+            f"the recording does not tell the latency: angular rates show one {NEAR:g} s away from "
+            f"{best.latency:.3f} s, which poses show; expected a recording that turns about all axes"
+        )
+    raise ValueError(
+        f"the place of the captured body comes out at its bound, {np.round(best.body_position, 2).tolist()} "
+        f"m; expected up to {FARTHEST:g} m from the robot's origin along each axis: check the unit of the "
+        "positions, and that this body is on this vehicle"
+    )
+
+
 class _Search:
     """The search for a calibration. Parameters are about 1: the place's 7, or these and the matrices' 12."""
 
     def __init__(self, recording: Recording, config: _core.Config, settle: float) -> None:
         self.config = config.replace(estimator={"gate_probability": 1.0})
-        self._recording = recording
+        rates = Rates(recording, config)
+        # The filter gets poses that are late by a little only, however large the latency is.
+        self._late = rates.delay(*LATENCIES)
+        self._start = rates.rotation(self._late)
+        self._recording = replace(
+            recording,
+            pose_time=recording.pose_time - self._late,
+            pose_arrival_time=recording.pose_arrival_time - self._late,
+        )
         self._counts = recording.pose_time > recording.pose_time[0] + settle
-        self._start = _aligned_by_rate(recording, config)
         keys = tomllib.loads(config.to_toml())["estimator"]
         matrices = [np.asarray(keys[f"{sensor}_matrix"], float) for sensor in ("gyro", "accelerometer")]
         self._gyro, force = (np.diag(each) if each.ndim == 1 else each for each in matrices)
@@ -187,7 +229,8 @@ class _Search:
         low, high = np.full(19, -np.inf), np.full(19, np.inf)
         scale = self._scale
         low[:3], high[:3] = 1 - FARTHEST / scale[:3], 1 + FARTHEST / scale[:3]
-        low[6], high[6] = (1 + latency / scale[6] for latency in LATENCIES)
+        near = np.clip(np.array(LATENCIES) - self._late, -NEAR, NEAR)
+        low[6], high[6] = 1 + near / scale[6]
         configured = np.r_[(self._gyro - np.eye(3)).ravel(), self._force - 1]
         for bound, off in ((low, -MATRIX_OFF), (high, MATRIX_OFF)):
             # What is configured is inside.
@@ -205,7 +248,7 @@ class _Search:
         return Calibration(
             body_position=x[:3],
             body_rotation_deg=yaw_pitch_roll[::-1],
-            latency=float(x[6]),
+            latency=self._late + float(x[6]),
             deviation=np.zeros(7),
             gyro_matrix=self._gyro + x[7:16].reshape(3, 3),
             accelerometer_scale=self._force + x[16:],
@@ -214,13 +257,25 @@ class _Search:
             written=MATRICES if count > 7 else (),
         )
 
+    def weigh(self, parameters: Array, base: _core.Config) -> None:
+        """Takes the standard deviations of the innovations that these parameters predict.
+
+        They stay the same in a search: a longer lever arm predicts larger innovations, so that the search
+        would make it longer than it is.
+        """
+        self._deviation = self._run(parameters, base).innovation_deviation[self._counts]
+
     def residuals(self, parameters: Array, base: _core.Config) -> Array:
         """The innovations in standard deviations, and what is known of the matrices without a recording."""
-        run = self._recording.estimate(_core.Ukf(self.calibration(parameters).config(base)))
-        whitened = (run.innovation / run.innovation_deviation)[self._counts]
+        whitened = self._run(parameters, base).innovation[self._counts] / self._deviation
         innovations: Array = np.nan_to_num(whitened, nan=10.0).ravel()
         whole: Array = np.concatenate([innovations, parameters[7:] - 1])
         return whole
+
+    def _run(self, parameters: Array, base: _core.Config) -> _core.UkfRun:
+        tried = self.calibration(parameters)
+        tried = replace(tried, latency=tried.latency - self._late)
+        return self._recording.estimate(_core.Ukf(tried.config(base)))
 
     def jacobian(self, parameters: Array, base: _core.Config) -> Array:
         """Its derivatives, from runs on all processors."""
@@ -236,65 +291,20 @@ class _Search:
         innovations = len(found.fun) - (count - 7)
         prior = np.zeros(count)
         prior[7:] = 1.0
-        information = jacobian[:innovations].T @ jacobian[:innovations] + np.diag(prior)
-        inverse = np.linalg.pinv(information)
-        white = inverse * 2 * found.cost / max(innovations - count, 1)
         time = self._recording.pose_time[self._counts]
-        scatter = _block_scatter(found.fun[:innovations], jacobian[:innovations], time)
-        coloured = inverse @ (scatter + np.diag(prior)) @ inverse
-        deviation = self._scale[:count] * np.sqrt(np.maximum(np.diag(white), np.diag(coloured)))
+        noise, whole = (
+            self._scale[:count] * each
+            for each in spread(found.fun[:innovations], jacobian[:innovations], time, prior, found.cost)
+        )
+        deviation = whole.copy()
         deviation[3:6] = np.degrees(deviation[3:6])
         best = replace(self.calibration(found.x), deviation=deviation[:7])
         if count == 7:
             return best
         gyro, force = deviation[7:16].reshape(3, 3), deviation[16:]
         differs = (
-            abs(best.gyro_matrix - self._gyro) > TELLS * gyro,
-            abs(best.accelerometer_scale - self._force) > TELLS * force,
+            abs(best.gyro_matrix - self._gyro) > TELLS * noise[7:16].reshape(3, 3),
+            abs(best.accelerometer_scale - self._force) > TELLS * noise[16:],
         )
         written = tuple(key for key, entries in zip(MATRICES, differs, strict=True) if entries.any())
         return replace(best, gyro_deviation=gyro, accelerometer_deviation=force, written=written)
-
-
-def _block_scatter(residuals: Array, jacobian: Array, time: Array) -> Array:
-    """Scatter of the score between blocks of `BLOCK`, for residuals of any colour.
-
-    `jacobian` is that of scipy for the loss soft_l1: each row is scaled by its part of the Hessian.
-    """
-    z = residuals**2
-    # d = J^T r w with w = rho'; the scale of a row is the root of rho' + 2 z rho''.
-    plain = jacobian * ((1 + z) ** 0.75)[:, None]
-    score = plain * (residuals * (1 + z) ** -0.5)[:, None]
-    block = np.repeat(np.floor((time - time[0]) / BLOCK).astype(int), len(residuals) // len(time))
-    sums = np.zeros((block.max() + 1, jacobian.shape[1]))
-    np.add.at(sums, block, score)
-    count = len(np.unique(block))
-    scatter: Array = (sums.T @ sums) * count / max(count - 1, 1)
-    return scatter
-
-
-def _aligned_by_rate(recording: Recording, config: _core.Config) -> Any:
-    """The rotation from the captured body to the robot that aligns its rate with the rate of the gyro."""
-    from scipy.spatial.transform import Rotation
-
-    time = recording.pose_time
-    # The rate is taken over about 50 ms, so that it is larger than the noise of the capture system.
-    step = max(1, round(0.05 / float(np.median(np.diff(time)))))
-    turned = Rotation.from_matrix(recording.rotation)
-    span = (time[step:] - time[:-step])[:, None]
-    captured = (turned[:-step].inv() * turned[step:]).as_rotvec() / span
-    integral = np.vstack(
-        [np.zeros(3), np.cumsum(np.diff(recording.imu_time)[:, None] * recording.gyro[1:], axis=0)]
-    )
-    angle = np.column_stack([np.interp(time, recording.imu_time, column) for column in integral.T])
-    gyro = (angle[step:] - angle[:-step]) / span
-    used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] < 0.2)
-    gyro_r = (gyro[used] - gyro[used].mean(axis=0)) @ config.vehicle.imu_rotation.T
-    second = float(np.sqrt(np.linalg.eigvalsh(np.cov(gyro_r.T))[1]))
-    if second < TURNS:
-        raise ValueError(
-            f"the recording does not tell how the body is mounted: about a second axis it "
-            f"turns with {second:.3f} rad/s rms; expected {TURNS} at least"
-        )
-    found, _ = Rotation.align_vectors(gyro_r, captured[used] - captured[used].mean(axis=0))
-    return found

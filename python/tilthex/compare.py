@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tilthex import _json, log, readers
-from tilthex._core import Config
-from tilthex.readers.columns import QUANTITIES, Stream
+from tilthex import _json
+from tilthex._sensed import ToolPath, Wrenches, observed, read_sensor, sensed
 from tilthex.wrenches import NAMES, components, norms, without_phase
 
 Array = NDArray[np.float64]
@@ -31,18 +30,10 @@ IN_NEWTON = np.array([1.0, 1.0, 1.0, 4.0, 4.0, 4.0])
 
 
 @dataclass(frozen=True)
-class Wrenches:
-    """`time` s, (n,); `wrench` (n, 6): force in N, torque in N m. The axes depend on the use."""
-
-    time: Array
-    wrench: Array
-
-
-@dataclass(frozen=True)
 class Comparison:
     """Both wrenches on one clock, after a low-pass.
 
-    `time`, s since the start of the flight's log, (n,); wrenches (n, 6).
+    `time`, s since take-off, (n,); wrenches (n, 6).
 
     `offset`, s, was added to the sensor's times; `correlation`, -1 to 1, is that of the two signals.
     """
@@ -56,6 +47,7 @@ class Comparison:
     def __str__(self) -> str:
         """Mean and rms of the difference of each component, and the sensor's rms about its mean."""
         lines = [
+            f"from {self.time[0]:.1f} to {self.time[-1]:.1f} s since take-off",
             f"sensor's times moved by {self.offset:.4f} s; correlation {self.correlation:.3f}",
             f"{'':10s} {'mean off':>10s} {'rms off':>10s} {'sensor rms':>10s} {'off/sensor':>10s}",
         ]
@@ -99,86 +91,6 @@ class Mounting:
     reads_robot: bool = True
 
 
-@dataclass(frozen=True)
-class ToolPath:
-    """The motion of the tool.
-
-    `time` s (n,), `position` of its tip, m, world (n, 3), `rotation` to world (n, 3, 3).
-    """
-
-    time: Array
-    position: Array
-    rotation: Array
-
-
-def observed(path: str | Path) -> tuple[Wrenches, ToolPath]:
-    """The observed wrench of a flight in the air: on the robot, about the tip of the tool, world axes.
-
-    Take-off and landing are left out, because the ground exerts a wrench there.
-    """
-    from scipy.spatial.transform import Rotation
-
-    flight = log.Log(path)
-    vehicle = Config.from_text(flight.configuration).vehicle
-    wrench, state, phases = (flight.columns(topic) for topic in ("/wrench", "/state", "/flight"))
-    rotation = Rotation.from_quat(state["orientation"])
-    tool = rotation * Rotation.from_matrix(vehicle.tool_rotation)
-    tip = state["position_w"] + rotation.apply(vehicle.tool_position)
-    aloft = np.isin(phases["phase"], log.FREE_FLIGHT)
-    count = min(len(tip), len(aloft), len(wrench["log_time"]))
-    keep = np.flatnonzero(aloft[:count])
-    if len(keep) < 2:
-        raise ValueError(f"{path}: the vehicle does not fly in this log; expected a flight with contact")
-    parts = [wrench[f"tool_w.{part}"][keep] for part in ("force", "torque")]
-    time = state["log_time"][keep]
-    return Wrenches(time, np.hstack(parts)), ToolPath(time, tip[keep], tool[keep].as_matrix())
-
-
-def read_sensor(path: str | Path, topic: str | None = None) -> Stream:
-    """Reads a sensor's table or topic: `time`, force and torque, by their usual names.
-
-    docs/recordings.md lists the names.
-
-    Raises:
-        ValueError: There is no sensor, or more than one.
-    """
-    streams = readers.read(Path(path))
-    if topic is not None:
-        streams = [stream for stream in streams if stream.place.endswith(topic)]
-    whole = [
-        s
-        for s in streams
-        if len(s.find("sensor_force")) == len(s.find("sensor_torque")) == 3 and s.find("time")
-    ]
-    if len(whole) != 1:
-        found = "none" if not whole else ", ".join(stream.place for stream in whole)
-        raise ValueError(
-            f"{path}: expected one sensor with time, force_x, force_y, force_z, torque_x, torque_y and "
-            f"torque_z; found {found}" + (": name one with --topic" if whole else "")
-        )
-    return whole[0]
-
-
-def sensed(stream: Stream) -> Wrenches:
-    """The readings of the sensor: on its clock, in its axes, torque about its origin."""
-    parts = [stream.find("time")[""]]
-    for quantity in ("sensor_force", "sensor_torque"):
-        columns = stream.find(quantity)
-        parts += [columns[axis] for axis in QUANTITIES[quantity].axes]
-    rows = np.column_stack(parts)
-    rows = rows[np.isfinite(rows).all(axis=1)]
-    rows = rows[np.unique(rows[:, 0], return_index=True)[1]]
-    if len(rows) < 10:
-        raise ValueError(f"{stream.place} holds {len(rows)} readings; expected at least 10")
-    step = float(np.median(np.diff(rows[:, 0])))
-    if step > 0.1:
-        raise ValueError(
-            f"{stream.place}: the time rises by {step:.4g} each reading; expected seconds, 10 Hz at least: "
-            "say another unit in the column's name, such as 'time [ns]'"
-        )
-    return Wrenches(rows[:, 0], rows[:, 1:])
-
-
 def compare(
     flight: Wrenches,
     tool: ToolPath,
@@ -187,6 +99,8 @@ def compare(
     *,
     offset: float | None = None,
     tare: tuple[float, float] | None = None,
+    begin: float | None = None,
+    end: float | None = None,
 ) -> Comparison:
     """Puts both on one clock and into tool axes, and applies a low-pass to them.
 
@@ -200,12 +114,20 @@ def compare(
         mounting: The mounting of the sensor.
         offset: Time that is added to the sensor's times, s; None finds it.
         tare: A time without contact, s since the start of `flight`. The sensor's mean there is its zero.
+        begin: The first time that counts, s since the start of `flight`; None: `flight.learnt`.
+        end: The last one.
 
     Raises:
         ValueError: The two signals have no contact in common.
     """
-    begin = float(flight.time[0])
-    grid = np.arange(begin, flight.time[-1], 1.0 / RATE)
+    start = float(flight.time[0])
+    grid = np.arange(start, flight.time[-1], 1.0 / RATE)
+    counts = grid - start >= (flight.learnt if begin is None else begin)
+    counts &= grid - start <= (np.inf if end is None else end)
+    if counts.sum() < 2 * RATE:
+        raise ValueError(
+            f"{counts.sum() / RATE:.2f} s of the flight count; expected 2 s at least: see --begin"
+        )
     turn = np.eye(3) if mounting.rotation is None else mounting.rotation
     sign = -1.0 if mounting.reads_robot else 1.0
     fixed = sign * np.hstack([sensor.wrench[:, :3] @ turn.T, sensor.wrench[:, 3:] @ turn.T])
@@ -219,12 +141,14 @@ def compare(
         if mounting.position is not None:
             lever = mounting.position - (0.0 if mounting.on_tool else tip.mean(axis=0))
             about_tip = _moved(fixed, lever)
-        offset = _offset(grid, in_tool if mounting.on_tool else in_world, Wrenches(sensor.time, about_tip))
+        ours = in_tool if mounting.on_tool else in_world
+        offset = _offset(grid[counts], ours[counts], Wrenches(sensor.time, about_tip))
     time = sensor.time + offset
     inside = (grid >= time[0]) & (grid <= time[-1])
-    if inside.sum() < 2 * RATE:
+    used = inside & counts
+    if used.sum() < 2 * RATE:
         raise ValueError(
-            f"flight and sensor share {inside.sum() / RATE:.2f} s where the sensor's times are moved by "
+            f"flight and sensor share {used.sum() / RATE:.2f} s where the sensor's times are moved by "
             f"{offset:.3f} s; expected 2 s at least"
         )
     theirs = _resampled(time, fixed, grid)
@@ -234,14 +158,14 @@ def compare(
         theirs = _turned(np.swapaxes(rotation, 1, 2), theirs)
     theirs = _smooth(theirs)
     if tare is not None:
-        still = (grid - begin >= tare[0]) & (grid - begin <= tare[1]) & inside
+        still = (grid - start >= tare[0]) & (grid - start <= tare[1]) & inside
         if not still.any():
             raise ValueError(
                 f"the sensor has no reading from {tare[0]} to {tare[1]} s; expected a time without contact"
             )
         theirs = theirs - theirs[still].mean(axis=0)
-    ours, theirs = in_tool[inside], theirs[inside]
-    return Comparison(grid[inside] - begin, ours, theirs, offset, _correlation(ours, theirs))
+    ours, theirs = in_tool[used], theirs[used]
+    return Comparison(grid[used] - start, ours, theirs, offset, _correlation(ours, theirs))
 
 
 def _at(time: Array, values: Array, at: Array) -> Array:
@@ -341,9 +265,20 @@ def add_parser(commands: Any) -> None:
     for name, words, meaning in (
         ("--rotation-deg", ("R", "P", "Y"), "the sensor's axes in the axes of the body to which it is fixed"),
         ("--position", ("X", "Y", "Z"), "the sensor's origin in the same axes, m (default: the tool's tip)"),
-        ("--tare", ("BEGIN", "END"), "a time without contact, s since take-off"),
+        (
+            "--tare",
+            ("BEGIN", "END"),
+            "take the sensor's mean between two times without contact, s since take-off, as its zero",
+        ),
     ):
         parser.add_argument(name, type=float, nargs=len(words), metavar=words, help=meaning)
+    parser.add_argument(
+        "--begin",
+        type=float,
+        metavar="S",
+        help="first time that counts, s since take-off (default: the end of the hover for the bias)",
+    )
+    parser.add_argument("--end", type=float, metavar="S", help="last time that counts, s since take-off")
     parser.add_argument(
         "--out",
         type=Path,
@@ -366,7 +301,8 @@ def _run(arguments: argparse.Namespace) -> None:
         reads_robot=arguments.reads == "robot",
     )
     sensor = sensed(read_sensor(arguments.sensor, arguments.topic))
-    found = compare(*observed(arguments.log), sensor, mounting, offset=arguments.offset, tare=arguments.tare)
+    options = {name: getattr(arguments, name) for name in ("offset", "tare", "begin", "end")}
+    found = compare(*observed(arguments.log), sensor, mounting, **options)
     stem = arguments.out or arguments.log.with_suffix("")
     pictures = []
     for name, draw in (("norms", norms), ("components", components)):
@@ -377,3 +313,6 @@ def _run(arguments: argparse.Namespace) -> None:
         _json.say(figures | {"components": found.components(), "pictures": pictures})
         return
     print(found, *pictures, sep="\n")
+
+
+__all__ = ["Comparison", "Mounting", "ToolPath", "Wrenches", "compare", "observed", "read_sensor", "sensed"]

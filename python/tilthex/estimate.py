@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,7 @@ from numpy.typing import NDArray
 from tilthex import _core, _json
 from tilthex.calibration import calibrate
 from tilthex.estimate_figures import figures, pose_errors, summary
+from tilthex.log import Log, NotALog
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
@@ -66,7 +69,9 @@ def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
 
 
 def _estimate(arguments: argparse.Namespace) -> None:
-    config = _config(arguments)
+    if arguments.every < 1:
+        raise ValueError(f"--every is {arguments.every}; expected 1 or more")
+    config = configured(arguments)
     recording = _recording(arguments, config)
     fed = recording
     if arguments.every > 1:
@@ -89,34 +94,56 @@ def _estimate(arguments: argparse.Namespace) -> None:
 
 
 def _calibrate(arguments: argparse.Namespace) -> None:
-    given = _config(arguments)
+    given = configured(arguments)
     recording = _recording(arguments, given).tracked()
     found = calibrate(recording, given)
     placed = found.config(given)
-    if arguments.json:
-        _json.say({"place": found, "noises": find_noises(recording, placed)})
-        return
-    print(found)
+    if not arguments.json:
+        print(found)
+    # A pose counts at its time of capture; one that arrives too late for a filter shows its noise, too.
+    captured = recording.pose_time - max(found.latency, 0.0)
+    recording = replace(recording, pose_arrival_time=np.minimum(recording.pose_arrival_time, captured))
     noises = find_noises(recording, placed)
-    print(f"{noises}\n")
-    print("errors at every second pose, if the filter does not get it:")
+    if not arguments.json:
+        print(f"{noises}\n")
+    if arguments.out:
+        heading = f"# Found by tilthex calibrate in {arguments.recording.name}; keys of a configuration."
+        arguments.out.write_text(f"{heading}\n{found}\n{noises}\n", encoding="utf-8")
     fed = np.arange(len(recording.pose_time)) % 2 == 0
+    errors: dict[str, Any] = {}
     for name, config in (
         ("before", given),
         ("with place, latency and matrices", placed),
         ("with all keys", noises.config(placed)),
     ):
         run = recording.select(fed).estimate(_core.Ukf(config))
-        print(f"  {name}: {pose_errors(recording.select(~fed), run, config)}; NIS {np.nanmean(run.nis):.2f}")
+        errors[name] = pose_errors(recording.select(~fed), run, config), float(np.nanmean(run.nis))
+    if arguments.json:
+        withheld = {
+            name.replace(",", "").replace(" ", "_"): error.figures() | {"nis": nis}
+            for name, (error, nis) in errors.items()
+        }
+        _json.say({"place": found, "noises": noises, "withheld": withheld})
+        return
+    print("errors at every second pose, if the filter does not get it:")
+    for name, (error, nis) in errors.items():
+        print(f"  {name}: {error}; NIS {nis:.2f}")
+    if arguments.out:
+        print(arguments.out)
 
 
 def _recording(arguments: argparse.Namespace, config: _core.Config) -> Recording:
     return Recording.from_file(arguments.recording, config, imu=arguments.imu, poses=arguments.poses)
 
 
-def _config(arguments: argparse.Namespace) -> _core.Config:
+def configured(arguments: argparse.Namespace) -> _core.Config:
+    """The configuration: the named one, that of the log, or the default."""
+    path: Path = arguments.recording
     if arguments.config:
         return _core.Config.from_toml(arguments.config)
+    if path.suffix.lower() == ".mcap" and path.is_file():
+        with contextlib.suppress(NotALog):
+            return _core.Config.from_text(Log(path).configuration)
     return _core.Config.default(_core.Vehicle.preset("tilt-hex"))
 
 
@@ -138,6 +165,9 @@ def add_parser(commands: Any) -> None:
         "calibrate", help="find the captured body's place on the robot, the latency and the noises"
     )
     calibration.set_defaults(run=_calibrate)
+    calibration.add_argument(
+        "--out", type=Path, metavar="FILE.toml", help="write the found keys, as a part of a configuration"
+    )
     _json.add_option(calibration)
     for parser in (estimate, calibration):
         parser.add_argument(
@@ -152,5 +182,8 @@ def add_parser(commands: Any) -> None:
             "--poses", metavar="TOPIC|FILE", help="topic or file of the poses, if there is more than one"
         )
         parser.add_argument(
-            "--config", type=Path, metavar="FILE.toml", help="the configuration (default: tilt-hex)"
+            "--config",
+            type=Path,
+            metavar="FILE.toml",
+            help="the configuration (default: that of the log, or tilt-hex)",
         )

@@ -17,6 +17,14 @@ if TYPE_CHECKING:
 
 AFTER = 0.5
 """Time after the start of free flight that is left out, s: the estimator still settles."""
+ADVICE = {
+    "mass": "a flight cannot determine it; weigh the vehicle and give --mass",
+    "drag moment": "a flight cannot tell it from tilted rotor axes; measure the moment of one rotor on a "
+    "test stand, or keep the model's value",
+}
+"""What to do about parameters that no flight determines."""
+WRITTEN = (("rotor drag", "contact", "rotor_drag"), ("age of rotor speeds", "link", "rotor_speed_age"))
+"""Parameters that are keys of other sections than the vehicle's."""
 CORRELATED = 0.95
 """Above this correlation, two parameters can only be determined together."""
 
@@ -75,10 +83,9 @@ def report(found: Identified) -> str:
     ]
     if pairs:
         lines.append("determined only together: " + ", ".join(pairs))
-    unknown = [figure.name for figure in found.figures if not figure.learnt]
-    if "mass" in unknown:
-        lines.append("mass: a flight cannot determine it; weigh the vehicle and give --mass")
-    rest = [name for name in unknown if name not in ("mass", "drag moment")]
+    unknown = [figure.name for figure in found.figures if not (figure.learnt or figure.weighed)]
+    lines += [f"{name}: {ADVICE[name]}" for name in unknown if name in ADVICE]
+    rest = [name for name in unknown if name not in ADVICE]
     if rest:
         lines.append(f"not learnt: {', '.join(rest)}; fly the output of `tilthex excite`, and add its log")
     return "\n".join(lines)
@@ -91,12 +98,37 @@ def summary(found: Identified) -> dict[str, Any]:
     return {"figures": figures} | {name: _json.plain(getattr(found, name)) for name in names}
 
 
-def figure(flights: list[Flight], found: Identified) -> Figure:
-    """Predicted and measured specific force and angular acceleration, each over time."""
+def toml(found: Identified) -> str:
+    """The corrected vehicle, and the learnt keys of other sections, as a configuration."""
+    parts = [found.vehicle.to_toml()]
+    for name, section, key in WRITTEN:
+        one = found[name]
+        what = f"# {name}, {one.unit}: {one.value:.3g} +- {one.deviation:.2g}"
+        parts.append(
+            f"{what}\n[{section}]\n{key} = {max(one.value, 0.0):.6g}\n"
+            if one.learnt
+            else f"{what}, not learnt\n"
+        )
+    return "\n".join(parts)
+
+
+def figure(flights: list[Flight], found: Identified, names: list[str]) -> Figure:
+    """Predicted and measured specific force and angular acceleration over time, a column for each flight."""
     import matplotlib.pyplot as plt
 
-    drawn, axes = plt.subplots(6, 1, figsize=(11, 12), sharex=True, layout="constrained")
-    flight, (force, alpha) = flights[0], found.predicted[0]
+    size = (11 * len(flights), 12)
+    drawn, axes = plt.subplots(
+        6, len(flights), figsize=size, sharex="col", sharey="row", layout="constrained", squeeze=False
+    )
+    for column, flight, predicted, name in zip(axes.T, flights, found.predicted, names, strict=True):
+        _draw(column, flight, *predicted)
+        column[0].set_title(name, fontsize=9)
+    axes[0, 0].legend(loc="upper right", ncols=2)
+    return drawn
+
+
+def _draw(axes: Any, flight: Flight, force: Any, alpha: Any) -> None:
+    """Draws one flight into six axes."""
     time = flight.time - flight.time[0]
     measured = np.gradient(flight.angular_velocity, flight.time, axis=0)
     for k in range(6):
@@ -110,9 +142,7 @@ def figure(flights: list[Flight], found: Identified) -> Figure:
             axes[k].plot(time, shown, color=style, lw=0.8, label=label)
         what = "specific force {}, m/s$^2$" if k < 3 else "angular acceleration {}, rad/s$^2$"
         axes[k].set_ylabel(what.format("xyz"[k % 3]), fontsize=8)
-    axes[0].legend(loc="upper right", ncols=2)
     axes[-1].set_xlabel("time, s")
-    return drawn
 
 
 def _smooth(values: Any) -> Any:
@@ -137,7 +167,12 @@ def add_parser(commands: Any) -> None:
         "--begin", type=float, metavar="S", help="use each log from this time on, s since its start"
     )
     parser.add_argument("--end", type=float, metavar="S", help="use each log up to this time")
-    parser.add_argument("--out", type=Path, metavar="FILE.toml", help="write the corrected vehicle")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE.toml",
+        help="write the corrected vehicle, rotor drag and age of the speeds",
+    )
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw predicted and measured values")
     _json.add_option(parser)
     parser.set_defaults(run=_run)
@@ -156,13 +191,14 @@ def _run(arguments: argparse.Namespace) -> None:
     else:
         print(report(found))
     if arguments.out:
-        arguments.out.write_text(found.vehicle.to_toml(), encoding="utf-8")
+        arguments.out.write_text(toml(found), encoding="utf-8")
         _written(arguments, arguments.out)
     if arguments.plot:
         import matplotlib as mpl
 
         mpl.use("Agg")
-        figure(flights, found).savefig(arguments.plot, dpi=120)
+        names = [path.name for path in arguments.log]
+        figure(flights, found, names).savefig(arguments.plot, dpi=120)
         _written(arguments, arguments.plot)
 
 

@@ -11,7 +11,7 @@ of any colour up to `BLOCK`.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -198,7 +198,9 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     period = [float(np.median(np.diff(c.time))) for c in cells]
     seconds = sum(p * int(u.sum()) for p, u in zip(period, used, strict=True))
     flown = sum(p * int(w.sum()) for p, w in zip(period, whole, strict=True))
-    figures, correlation = _figures(model, x, covariance, prior, mean)
+    figures, correlation = _figures(model, x, covariance, prior)
+    if mass is not None:
+        figures[0] = replace(figures[0], weighed=True)
     found = model.at(x)
     return Identified(
         figures + lag,
@@ -319,9 +321,7 @@ def _values(model: _Model, x: Array) -> tuple[list[tuple[str, str]], Array]:
     return names, np.array(values)
 
 
-def _figures(
-    model: _Model, x: Array, covariance: Array, prior: Array, mean: Array
-) -> tuple[list[Figure], Array]:
+def _figures(model: _Model, x: Array, covariance: Array, prior: Array) -> tuple[list[Figure], Array]:
     names, values = _values(model, x)
     gain = np.empty((len(values), len(x)))
     for k, size in enumerate(prior):
@@ -331,7 +331,7 @@ def _figures(
     spread = gain @ covariance @ gain.T
     deviation = np.sqrt(np.diag(spread))
     before = np.sqrt(np.diag(gain @ gain.T))
-    told = _values(model, mean)[1]
+    told = _values(model, np.zeros(len(x)))[1]
     figures = [
         Figure(name, unit, float(value), float(off), float(b), float(m))
         for (name, unit), value, off, b, m in zip(names, values, deviation, before, told, strict=True)

@@ -28,6 +28,8 @@ Columns = dict[str, NDArray[Any]]
 
 GROUNDED = ("disarmed", "starting", "grounded")
 """Phases with the vehicle on the ground. The other phases are flying, holding, landing and emergency."""
+STILL = 1e-6
+"""A set-point that changes by less than this from tick to tick rests, m."""
 FREE_FLIGHT = ("flying", "holding")
 """Phases in which only the tool can touch anything; in a landing the vehicle may touch the ground."""
 
@@ -72,11 +74,35 @@ def flying(phase: NDArray[Any]) -> NDArray[np.bool_]:
     return ~np.isin(phase, GROUNDED)
 
 
+def learning_ends(flight: Log, bias_time: float) -> float:
+    """The log time, s, at which the bias or the model has been learnt; that of take-off if none is learnt.
+
+    A calibration flight ends with the first learnt model, the hover for the bias after `bias_time` with a
+    still set-point in flight.
+    """
+    phases, target, model = (flight.columns(topic) for topic in ("/flight", "/setpoint", "/model"))
+    count = min(len(topic["log_time"]) for topic in (phases, target, model))
+    time = phases["log_time"][:count]
+    aloft = np.isin(phases["phase"][:count], FREE_FLIGHT)
+    if not aloft.any():
+        raise ValueError(f"{flight.path}: the vehicle does not fly in this log; expected a flight")
+    taught = aloft & (model["hovers"][:count] > 0)
+    if taught.any():
+        return float(time[taught][0])
+    if bias_time <= 0.0:
+        return float(time[aloft][0])
+    steps = abs(np.diff(target["position_w"][:count], axis=0, prepend=np.inf))
+    moved = steps.max(axis=1) > STILL
+    since = time - np.maximum.accumulate(np.where(moved | ~aloft, time, -np.inf))
+    ends = aloft & (since >= bias_time)
+    return float(time[ends][0]) if ends.any() else float(time[aloft][0])
+
+
 class Log:
     """A log that was checked.
 
-    Attributes: configuration: Its effective configuration, TOML. missing: What is missing in a log that
-    breaks off, as a sentence; None for a complete log.
+    Attributes: path: The file. configuration: Its effective configuration, TOML. missing: What is missing in
+    a log that breaks off, as a sentence; None for a complete log.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -86,7 +112,7 @@ class Log:
             raise ImportError(
                 f"reading a log needs {error.name}, which is not installed: pip install 'tilthex[analysis]'"
             ) from error
-        self._path = path
+        self.path = path
         self._log = _mcap.read(path)
         self._decoders: dict[int, Callable[[bytes], Any]] = {}
         self.missing = self._log.missing()
@@ -123,7 +149,7 @@ class Log:
             for number, time, data in self._log.messages(self._channels(topic)):
                 yield time * 1e-9, self._decoders[number](data)
         except DecodeError as error:
-            raise ValueError(f"{self._path}: a message of {topic} cannot be read: {error}") from error
+            raise ValueError(f"{self.path}: a message of {topic} cannot be read: {error}") from error
 
     @property
     def attachments(self) -> dict[str, bytes]:
@@ -150,7 +176,7 @@ class Log:
             times.append(time)
             messages.append(message)
         if not messages:
-            raise ValueError(f"{self._path} holds no messages of {topic}; expected a log of tilthex-rt")
+            raise ValueError(f"{self.path} holds no messages of {topic}; expected a log of tilthex-rt")
         return {"log_time": np.array(times), **_columns(messages)}
 
     def _channels(self, topic: str) -> list[int]:
@@ -174,12 +200,10 @@ class Log:
             try:
                 found = DecoderFactory().decoder_for(channel.encoding, schema)
             except Exception as error:
-                raise ValueError(
-                    f"{self._path}: the schema of {channel.topic} is damaged: {error}"
-                ) from error
+                raise ValueError(f"{self.path}: the schema of {channel.topic} is damaged: {error}") from error
         if found is None:
             raise ValueError(
-                f"{self._path} is not a log of tilthex-rt: {channel.topic} holds messages of {name!r} "
+                f"{self.path} is not a log of tilthex-rt: {channel.topic} holds messages of {name!r} "
                 f"({channel.encoding}); expected {expected} (protobuf)"
             )
         decoder: Callable[[bytes], Any] = found

@@ -135,7 +135,7 @@ def _read_streams(path: Path, imu_name: str | None, poses_name: str | None) -> R
             "such as 'time [ns]' or 'gyro_x [deg/s]'"
         ) from None
     turning = "quaternion" if len(pose.find("quaternion")) == 4 else "rotation"
-    kept, found = _rows(pose, ("position", turning))
+    kept, found = _rows(pose, ("position", turning), seldom=True)
     turn = found[turning]
     rotation = (
         _from_quaternions(pose, kept, turn) if turning == "quaternion" else _from_matrices(pose, kept, turn)
@@ -145,20 +145,15 @@ def _read_streams(path: Path, imu_name: str | None, poses_name: str | None) -> R
     recording = _assemble(
         imu, time, np.where(np.isfinite(arrival), arrival, time), found["position"], rotation
     )
-    _question_clocks(path, recording)
+    try:
+        _core.question_poses(
+            recording.imu_time, recording.gyro, recording.pose_time, recording.position, recording.rotation
+        )
+    except ValueError as error:
+        raise ValueError(
+            f"{path}: {error}: say the unit in the column's name, such as 'x [mm]' or 'gyro_x [deg/s]'"
+        ) from None
     return recording
-
-
-def _question_clocks(path: Path, recording: Recording) -> None:
-    """Refuses inertial samples and poses that have no time in common."""
-    if len(recording.imu_time) and len(recording.pose_time):
-        ranges = [(float(t.min()), float(t.max())) for t in (recording.imu_time, recording.pose_time)]
-        if max(r[0] for r in ranges) > min(r[1] for r in ranges):
-            said = " and ".join(f"{begin:.9g} to {end:.9g} s" for begin, end in ranges)
-            raise ValueError(
-                f"{path}: inertial samples and poses are of {said}, which have no time in common; "
-                "expected one clock and one unit (say it in the column's name, such as 'time [ns]')"
-            )
 
 
 def _chosen(
@@ -197,23 +192,35 @@ def _missing(stream: Stream, kind: tuple[str, ...]) -> list[str]:
     return [name for name in _names(kind) if name not in found | ({"time"} if stream.find("time") else set())]
 
 
-def _rows(stream: Stream, kind: tuple[str, ...]) -> tuple[NDArray[np.int64], dict[str, Array]]:
-    """The rows that hold numbers, and the quantities there: time (n,), others (n, axes)."""
+def _rows(
+    stream: Stream, kind: tuple[str, ...], *, seldom: bool = False
+) -> tuple[NDArray[np.int64], dict[str, Array]]:
+    """The rows that hold numbers, and the quantities there: time (n,), others (n, axes).
+
+    With `seldom`, a row may lack one whole quantity, as a pose of a body that was not seen.
+    """
     time = stream.find("time")[""]
     columns = {}
     for quantity in kind:
         found = stream.find(quantity)
         columns[quantity] = np.column_stack([found[axis] for axis in QUANTITIES[quantity].axes])
-    given = np.isfinite(np.column_stack(list(columns.values())))
+    there = [np.isfinite(values) for values in columns.values()]
+    given = np.column_stack(there)
     kept = np.flatnonzero(given.any(axis=1))
-    for row in kept[~given[kept].all(axis=1) | ~np.isfinite(time[kept])]:
-        empty = [name for name, there in zip(_names(kind)[1:], given[row], strict=True) if not there]
+    whole = np.asarray(given.all(axis=1))
+    if seldom:
+        parts = [each.all(axis=1) | ~each.any(axis=1) for each in there]
+        whole = np.asarray(np.stack(parts).all(axis=0))
+    for row in kept[~whole[kept] | ~np.isfinite(time[kept])]:
+        known = np.concatenate([each[row] | (seldom and not each[row].any()) for each in there])
+        names = zip(_names(kind)[1:], known, strict=True)
+        empty = [name for name, has in names if not has]
         raise ValueError(f"{stream.place}, {stream.row(row)} has no number for {(empty or ['time'])[0]}")
     return kept, {"time": time[kept], **{name: values[kept] for name, values in columns.items()}}
 
 
 def _from_quaternions(stream: Stream, rows: NDArray[np.int64], xyzw: Array) -> Array:
-    """Rotations; a quaternion of zeros stands for a body that was not seen."""
+    """Rotations; a quaternion of zeros, or a missing one, stands for a body that was not seen."""
     norm = np.linalg.norm(xyzw, axis=1)
     for row in np.flatnonzero((norm > 0) & (abs(norm - 1) > NEAR))[:1]:
         place = f"{stream.place}, {stream.row(rows[row])}"
@@ -222,8 +229,9 @@ def _from_quaternions(stream: Stream, rows: NDArray[np.int64], xyzw: Array) -> A
 
 
 def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Array:
-    """The nearest rotations of matrices that are rotations except for rounding."""
-    matrices = flat.reshape(-1, 3, 3)
+    """The nearest rotations of matrices that are rotations except for rounding; NaN where one is missing."""
+    seen = np.asarray(np.isfinite(flat).all(axis=1))[:, None, None]
+    matrices = np.where(seen, flat.reshape(-1, 3, 3), np.eye(3))
     u, stretch, v = np.linalg.svd(matrices)
     off = np.max(abs(stretch - 1), axis=1, initial=0.0)
     wrong = (off > NEAR) | (np.linalg.det(matrices) < 0)
@@ -232,7 +240,7 @@ def _from_matrices(stream: Stream, rows: NDArray[np.int64], flat: Array) -> Arra
             f"{stream.place}, {stream.row(rows[row])}: the matrix is not a rotation ({off[row]:.1e} away, "
             f"determinant {np.linalg.det(matrices[row]):.3g}); expected an orthonormal one of determinant +1"
         )
-    rotation: Array = u @ v
+    rotation: Array = np.where(seen, u @ v, np.nan)
     return rotation
 
 

@@ -54,6 +54,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(trajectory::calibration_flight, module)?)?;
     module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
     module.add_function(wrap_pyfunction!(units::question_units, module)?)?;
+    module.add_function(wrap_pyfunction!(units::question_poses_of, module)?)?;
     module.add_class::<ukf::Ukf>()?;
     module.add_class::<ukf_run::UkfRun>()?;
     module.add_class::<vehicle::Vehicle>()?;

@@ -93,7 +93,8 @@ impl Ukf {
     ///
     /// imu_time (n,) s, gyro (n, 3) rad/s, specific_force (n, 3) m/s^2; pose_time (m,) s, position (m, 3) m, rotation
     /// (m, 3, 3); pose_arrival_time (m,) s, equal to pose_time if not given. Poses with NaN count as invalid.
-    /// Rotations may be rounded (to 1e-3). Values that look like other units are refused with a question.
+    /// A matrix within 1 % of a rotation counts as the nearest rotation. Values that look like other units, and poses
+    /// and samples without a common time, are refused with a question.
     /// `covariance=False` saves the memory of n 15x15 matrices.
     #[pyo3(signature = (imu_time, gyro, specific_force, pose_time, position, rotation,
                         pose_arrival_time=None, *, covariance=true))]
@@ -128,6 +129,8 @@ impl Ukf {
             None => pose_time.clone(),
         };
         units::question(&imu_time, &gyro, &specific_force)?;
+        let given = units::Poses { time: &pose_time, position: &position, rotation: &rotation };
+        units::question_poses(&imu_time, &gyro, &given)?;
         let pose = |k: usize| -> PyResult<PoseSample> {
             let rotation = Matrix3::from_row_slice(&rotation[9 * k..9 * k + 9]);
             // A pose with a NaN is not a pose.

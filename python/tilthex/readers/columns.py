@@ -19,6 +19,8 @@ _LENGTH = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 _FORCE = {"n": 1.0, "kn": 1e3, "lbf": 4.4482216152605}
 _TORQUE = {"nm": 1.0, "n*m": 1.0, "nmm": 1e-3, "n*mm": 1e-3}
 _NONE = {"": 1.0, "-": 1.0}
+SINCE_1970 = 1e17
+"""A time above this is in nanoseconds, as `#timestamp` of EuRoC."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +65,7 @@ QUANTITIES = {
     "position": Quantity(
         _LENGTH,
         (
-            *("position", "pos", "p", "p_rs_r", "translation", ""),
+            *("position", "pos", "p", "p_rs_r", "translation", "", "t"),
             *(f"{of}_{what}" for of in _POSE for what in ("position", "pos", "translation")),
         ),
         ("x", "y", "z"),
@@ -131,11 +133,16 @@ class Stream:
             for axis, name in found.items()
         }
 
+    def _since_1970(self, name: str) -> bool:
+        """Whether a time is in nanoseconds since 1970, which no other unit can be."""
+        values = self.columns[name]
+        return bool(np.isfinite(values).any() and np.nanmin(values) > SINCE_1970)
+
     def _factor(self, name: str, unit: str, kind: Quantity) -> float:
         if unit in kind.units:
             return kind.units[unit]
         if not unit:
-            return 1.0
+            return 1e-9 if kind.units is _SECOND and self._since_1970(name) else 1.0
         expected = ", ".join(filter(None, kind.units)) or "no unit"
         raise ValueError(f"{self.place}: the column '{name}' has the unit '{unit}'; expected {expected}")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ def read_mcap(path: Path) -> list[Stream]:
             unread.append(f"{channel.topic} ({channel.encoding} {channel.schema[0]})")
             continue
         messages = ((time, decode(data)) for _, time, data in log.messages([number]))
-        streams.append(_stream(f"{path}, {channel.topic}", messages))
+        streams += _streams(f"{path}, {channel.topic}", messages)
     if not streams:
         what = ", ".join(unread) if unread else "no topic at all"
         raise ValueError(
@@ -60,7 +61,7 @@ def read_bag(path: Path) -> list[Stream]:
                 (time, _fields(reader.deserialize(data, connection.msgtype)))
                 for _, time, data in reader.messages([connection])
             )
-            streams.append(_stream(f"{path}, {connection.topic}", messages))
+            streams += _streams(f"{path}, {connection.topic}", messages)
         return streams
 
 
@@ -130,7 +131,22 @@ def _fields(message: Any) -> Any:
         }
     if isinstance(message, np.ndarray):
         return message.tolist()
+    if isinstance(message, list):
+        return [_fields(each) for each in message]
     return message
+
+
+def _streams(place: str, messages: Iterable[tuple[int, Any]]) -> list[Stream]:
+    """The stream of a topic; of transforms (`/tf`) one for each child frame, with its name at the end."""
+    rest = iter(messages)
+    first = next(rest, None)
+    if first is None or not isinstance(first[1], Mapping) or set(first[1]) != {"transforms"}:
+        return [_stream(place, rest if first is None else chain([first], rest))]
+    frames: dict[str, list[tuple[int, Any]]] = {}
+    for time, message in chain([first], rest):
+        for one in message["transforms"]:
+            frames.setdefault(one["child_frame_id"], []).append((time, one))
+    return [_stream(f"{place}/{frame}", found) for frame, found in frames.items()]
 
 
 def _stream(place: str, messages: Iterable[tuple[int, Any]]) -> Stream:

@@ -15,32 +15,45 @@ Array = NDArray[np.float64]
 
 
 def read_csv(path: Path) -> list[Stream]:
-    """A table with names in its first line, separated by commas, semicolons or tabs.
+    """A table with names in its first line, separated by commas, semicolons, tabs or blanks.
 
-    An empty field is NaN.
+    An empty field is NaN. Lines that begin with # may stand before the data; the last of them has the names.
 
     Raises:
         ValueError: A field is not a number; the message names its line.
     """
     # A byte-order mark, as spreadsheets write it, is not part of the first name.
     with path.open(newline="", encoding="utf-8-sig", errors="replace") as file:
-        head = file.readline()
-        separator = max(",;\t", key=head.count)
-        names = [name.strip() for name in next(csv.reader([head], delimiter=separator), [])]
-        rows: list[list[float]] = []
-        for line, fields in enumerate(csv.reader(file, delimiter=separator), start=2):
-            if len(fields) > len(names):
-                raise ValueError(f"{path}, line {line} has {len(fields)} fields; expected {len(names)}")
-            try:
-                row = [float(field) if field.strip() else np.nan for field in fields]
-            except ValueError as error:
-                raise ValueError(f"{path}, line {line}: {error}") from None
-            rows.append(row + [np.nan] * (len(names) - len(row)))
+        lines = file.read().splitlines()
+    # The last line that begins with # has the names; those before it are remarks.
+    first = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    first = max(first, 1)
+    if not any(line.strip() for line in lines):
+        raise ValueError(f"{path} is empty; expected names in its first line")
+    head = lines[first - 1].lstrip("#")
+    separator = max(",;\t", key=head.count)
+    if separator not in head:
+        separator = " "
+
+    def split(line: str) -> list[str]:
+        return line.split() if separator == " " else next(csv.reader([line], delimiter=separator), [])
+
+    names = [name.strip() for name in split(head)]
+    rows: list[list[float]] = []
+    for number, line in enumerate(lines[first:], start=first + 1):
+        fields = split(line)
+        if len(fields) > len(names):
+            raise ValueError(f"{path}, line {number} has {len(fields)} fields; expected {len(names)}")
+        try:
+            row = [float(field) if field.strip() else np.nan for field in fields]
+        except ValueError as error:
+            raise ValueError(f"{path}, line {number}: {error}") from None
+        rows.append(row + [np.nan] * (len(names) - len(row)))
     twice = {name for name in names if name and names.count(name) > 1}
     if twice:
         raise ValueError(f"{path} has two columns named '{min(twice)}'; expected one of each name")
     table = np.array(rows, dtype=float).reshape(-1, len(names))
-    return [Stream(str(path), dict(zip(names, table.T, strict=True)), ("line", 2))]
+    return [Stream(str(path), dict(zip(names, table.T, strict=True)), ("line", first + 1))]
 
 
 def read_mat(path: Path) -> list[Stream]:
