@@ -28,7 +28,7 @@ pub(super) fn search(
     if most == 0 {
         return (best, low);
     }
-    let mut next = first.clamp(1, most);
+    let mut next = first.max(1).min(most);
     let mut trials = 0;
     loop {
         let found = trial(next);
@@ -49,7 +49,7 @@ pub(super) fn search(
         // The zero may be in the step after `low`, and the last step may be allowed.
         let between = zero >= f64::from(low) && (zero < f64::from(high) || high > most);
         next = if between && trials < LINES {
-            (zero.min(f64::from(most)) as u16).clamp(low + 1, high - 1)
+            (zero.min(f64::from(most)) as u16).max(low + 1).min(high - 1)
         } else {
             low + (high - low) / 2
         };
