@@ -290,6 +290,7 @@ OF_FUNCTION = {
     ),
     "LoopModel.contact-damping_time": {"along": [0, 0, 1]},
     "question_units": {"gyro": np.zeros((3, 3)), "specific_force": np.tile(FORCE, (3, 1))},
+    "question_poses": {"gyro": np.zeros((3, 3)), "position": [HOME], "rotation": [EYE]},
     "Ukf.run": {
         "gyro": np.zeros((3, 3)),
         "specific_force": np.tile(FORCE, (3, 1)),
