@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from tilthex import _core, _json
 from tilthex.calibration import calibrate
 from tilthex.estimate_figures import figures, pose_errors, summary
-from tilthex.log import Log, NotALog
+from tilthex.log import Log, LogCut, NotALog
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 
@@ -142,7 +143,9 @@ def configured(arguments: argparse.Namespace) -> _core.Config:
     if arguments.config:
         return _core.Config.from_toml(arguments.config)
     if path.suffix.lower() == ".mcap" and path.is_file():
-        with contextlib.suppress(NotALog):
+        with contextlib.suppress(NotALog), warnings.catch_warnings():
+            # The recording itself warns.
+            warnings.simplefilter("ignore", LogCut)
             return _core.Config.from_text(Log(path).configuration)
     return _core.Config.default(_core.Vehicle.preset("tilt-hex"))
 
