@@ -269,13 +269,13 @@ impl AttitudeSelector {
         rotors: &RotorStatus,
     ) -> (Vector3, Vector3) {
         let last = state.possible.take();
-        if self.is_possible(state, rotation_wr, force_w, rotors) {
+        if let Some((_, None)) = self.first_cut(state, rotation_wr, force_w, rotors) {
             return (Vector3::zeros(), *force_w);
         }
         let mut turn = |force_w: &Vector3| self.turn(state, rotation_wr, force_w, rotors);
         let vertical = force_w.z.min(self.vertical.1).max(self.vertical.0);
         let upright = turn(&Vector3::new(0.0, 0.0, self.weight)).unwrap_or_else(Vector3::zeros);
-        let hover = so3::exp(&upright).transpose();
+        let hover = so3::exp(&upright);
         let cut = |part: u16| f64::from(part) / f64::from(STEPS);
         let none = Trial { turn: upright, room: self.params.max_turn };
         let horizontal = force_w.xy().norm();
@@ -287,7 +287,7 @@ impl AttitudeSelector {
             let force_w = Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, vertical);
             let turn = turn(&force_w)?;
             // The cosine of the rotation from the hover attitude.
-            let cosine = 0.5 * (hover.transpose().dot(&so3::exp(&turn)) - 1.0);
+            let cosine = 0.5 * (hover.dot(&so3::exp(&turn)) - 1.0);
             Some(Trial { turn, room: self.params.max_turn - acos(cosine.clamp(-1.0, 1.0)) })
         });
         if part == STEPS {
@@ -297,19 +297,24 @@ impl AttitudeSelector {
         (best, Vector3::new(cut(part) * force_w.x, cut(part) * force_w.y, force_w.z))
     }
 
-    /// Whether no turn is necessary.
-    fn is_possible(
+    /// A force in wanted body coordinates, and a plane that parts it from the section; no plane if no turn is necessary. `None`
+    /// for a force that is not finite.
+    fn first_cut(
         &self,
         state: &mut AttitudeState,
         rotation_wr: &Matrix3,
         force_w: &Vector3,
         rotors: &RotorStatus,
-    ) -> bool {
-        let (force_r, size) = (rotation_wr.transpose() * force_w, force_w.norm());
-        let unsure = size.is_nan() || size.is_infinite();
-        !unsure
-            && (size < 1e-6 * self.weight
-                || self.section.cut(&mut state.search, &force_r, rotors, INSIDE * size).is_none())
+    ) -> Option<(Vector3, Option<(Vector3, f64)>)> {
+        let force_r = rotation_wr.transpose() * force_w;
+        let size = force_r.norm();
+        if !size.is_finite() {
+            return None;
+        }
+        if size < 1e-6 * self.weight {
+            return Some((force_r, None));
+        }
+        Some((force_r, self.section.cut(&mut state.search, &force_r, rotors, INSIDE * size)))
     }
 
     /// The smallest rotation vector, wanted body coordinates, whose turn makes the force possible; `None` if no turn
@@ -321,17 +326,9 @@ impl AttitudeSelector {
         force_w: &Vector3,
         rotors: &RotorStatus,
     ) -> Option<Vector3> {
-        let force_r = rotation_wr.transpose() * force_w;
+        let (force_r, first) = self.first_cut(state, rotation_wr, force_w, rotors)?;
+        let Some(first) = first else { return Some(Vector3::zeros()) };
         let size = force_r.norm();
-        if !size.is_finite() {
-            return None;
-        }
-        if size < 1e-6 * self.weight {
-            return Some(Vector3::zeros());
-        }
-        let Some(first) = self.section.cut(&mut state.search, &force_r, rotors, INSIDE * size) else {
-            return Some(Vector3::zeros());
-        };
         let possible = self.nearest_of_size(state, &force_r, first, rotors)?;
         // Rotates the possible direction onto the wanted one.
         let axis = possible.cross(&force_r);

@@ -8,23 +8,11 @@ use common::{
     tilt_hex,
 };
 use tilthex_core::{
-    Matrix3, Vector3, Vehicle, Wrench,
-    model_learning::{Learnt, ModelDeviation, ModelLearner, ModelPrior, Refusal},
+    Matrix3, Vector3, Wrench,
+    model_learning::{ModelDeviation, ModelPrior, Refusal},
     random::Random,
     so3,
 };
-
-/// What hovers of a truth teach of a model.
-fn hover(
-    model: &Vehicle,
-    prior: &ModelPrior,
-    truth: &Vehicle,
-    attitudes: &[Matrix3],
-    random: &mut Random,
-    external: impl Fn(usize, f64) -> Wrench,
-) -> Result<Learnt, Refusal> {
-    calibrate(&mut ModelLearner::default(), model, prior, truth, attitudes, random, external)
-}
 
 #[test]
 fn tilted_hovers_take_the_false_wrench_away_at_any_attitude() {
@@ -34,7 +22,7 @@ fn tilted_hovers_take_the_false_wrench_away_at_any_attitude() {
     const COUNT: usize = 60;
     for _ in 0..COUNT {
         let (truth, _) = drawn(&model, &CAD, &mut random);
-        let learnt = hover(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
+        let (learnt, _) = calibrate(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
         before.push(largest(&model, &truth));
         after.push(largest(&learnt.vehicle, &truth));
         misfit += learnt.misfit / COUNT as f64;
@@ -65,7 +53,7 @@ fn deviations_are_those_of_the_errors() {
     };
     for _ in 0..100 {
         let (truth, centre_r) = drawn(&model, &CAD, &mut random);
-        let learnt = hover(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
+        let (learnt, _) = calibrate(&model, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
         let (made, deviation) = (learnt.vehicle, learnt.deviation);
         add(0, truth.mass() / made.mass() - 1.0, deviation.mass);
         for axis in 0..3 {
@@ -98,7 +86,7 @@ fn a_known_mass_gives_forces_their_scale() {
     for _ in 0..20 {
         let (truth, _) = drawn(&model, &weighed, &mut random);
         let scale = |prior: &ModelPrior, random: &mut Random| {
-            let learnt = hover(&model, prior, &truth, &attitudes(), random, nobody).unwrap();
+            let (learnt, _) = calibrate(&model, prior, &truth, &attitudes(), random, nobody).unwrap();
             (learnt.vehicle.mass() / truth.mass() - 1.0, learnt.deviation.mass)
         };
         let ((known, sure), (guessed, unsure)) = (scale(&weighed, &mut random), scale(&CAD, &mut random));
@@ -117,7 +105,8 @@ fn a_level_hover_tells_itself_and_says_that_it_tells_no_more() {
     let mut random = Random::new(2003);
     for _ in 0..10 {
         let (truth, _) = drawn(&model, &CAD, &mut random);
-        let learnt = hover(&model, &CAD, &truth, &[Matrix3::identity()], &mut random, nobody).unwrap();
+        let (learnt, _) =
+            calibrate(&model, &CAD, &truth, &[Matrix3::identity()], &mut random, nobody).unwrap();
         let level = false_wrench(&learnt.vehicle, &truth, &Matrix3::identity());
         assert!(level.force.norm() < 0.1 && level.torque.norm() < 0.01, "{level:?}");
         let prior = ModelDeviation::prior(&model, &CAD);
@@ -134,18 +123,18 @@ fn what_touches_is_refused_with_a_sentence() {
     let touched = |k: usize, force_w: Vector3| at_tool(&truth, &attitudes()[k], force_w);
     // A hand that comes and goes.
     let hand = |k: usize, time: f64| touched(k, Vector3::new(if time > 3.0 { 1.0 } else { 0.0 }, 0.0, 0.0));
-    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, hand).unwrap_err();
+    let refused = calibrate(&model, &CAD, &truth, &attitudes(), &mut random, hand).unwrap_err();
     assert!(matches!(refused, Refusal::NotStill { hover: 1, .. }), "{refused:?}");
     assert!(refused.to_string().contains("nothing may touch"), "{refused}");
     // A rope that pulls the same all the time, but not with the vehicle's attitude.
     let rope = |k: usize, _: f64| touched(k, Vector3::new(3.0, 0.0, 0.0));
-    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, rope).unwrap_err();
+    let refused = calibrate(&model, &CAD, &truth, &attitudes(), &mut random, rope).unwrap_err();
     assert!(matches!(refused, Refusal::NotTheModel { .. }), "{refused:?}");
     // Something that is there at one attitude only.
     let table = |k: usize, _: f64| touched(k, Vector3::new(0.0, 0.0, if k == 2 { 1.0 } else { 0.0 }));
-    let refused = hover(&model, &CAD, &truth, &attitudes(), &mut random, table).unwrap_err();
+    let refused = calibrate(&model, &CAD, &truth, &attitudes(), &mut random, table).unwrap_err();
     assert!(matches!(refused, Refusal::NotTheModel { .. }), "{refused:?}");
-    let nothing = hover(&model, &CAD, &truth, &[], &mut random, nobody).unwrap_err();
+    let nothing = calibrate(&model, &CAD, &truth, &[], &mut random, nobody).unwrap_err();
     assert_eq!(nothing, Refusal::NoHover);
 }
 
@@ -167,7 +156,7 @@ fn a_steady_wind_is_not_learnt_as_an_error_of_the_model() {
                 let turn = attitudes[k].transpose();
                 Wrench { force: turn * force_w, torque: turn * torque_w }
             };
-            let learnt = hover(&model, &CAD, &truth, attitudes, &mut random, air).unwrap();
+            let (learnt, _) = calibrate(&model, &CAD, &truth, attitudes, &mut random, air).unwrap();
             let (force, torque) = largest(&learnt.vehicle, &truth);
             worst = (f64::max(worst.0, force), f64::max(worst.1, torque));
         }

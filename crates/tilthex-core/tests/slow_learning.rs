@@ -31,10 +31,10 @@ struct Flown {
 
 impl Flown {
     fn new(seed: u64) -> Self {
-        let (mut random, mut learner, drawings) = (Random::new(seed), ModelLearner::default(), tilt_hex());
+        let (mut random, drawings) = (Random::new(seed), tilt_hex());
         let (truth, _) = drawn(&drawings, &CAD, &mut random);
-        let learnt =
-            calibrate(&mut learner, &drawings, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
+        let (learnt, learner) =
+            calibrate(&drawings, &CAD, &truth, &attitudes(), &mut random, nobody).unwrap();
         let bias = left_bias(&mut random);
         Self { learner, model: learnt.vehicle, truth, bias, random }
     }

@@ -21,8 +21,8 @@ const UNKNOWN: f64 = 1e6;
 /// Largest scale of the rotation's variances.
 const MOST: f64 = 1e6;
 
-/// A pose is compared with this many before it.
-const BEFORE: f64 = 2.0;
+/// Number of poses that insist together.
+const POSES: f64 = 3.0;
 /// Longest time between poses over which gravity in the wrong direction is allowed for, s.
 const LONGEST: f64 = 0.1;
 
@@ -49,7 +49,7 @@ impl Estimator {
         }
         let alone = self.innovation(measured, (1.0, UNKNOWN));
         let placed = alone.is_some_and(|alone| alone.squared(6) <= gate);
-        let time = (BEFORE + 1.0) * period.min(LONGEST);
+        let time = POSES * period.min(LONGEST);
         if !placed && said.position().norm() > 0.5 * GRAVITY * turned * time * time {
             return false;
         }

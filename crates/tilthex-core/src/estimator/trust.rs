@@ -91,7 +91,7 @@ pub(super) struct Trust {
     /// Noise of the poses divided by the configured noise, from 1 on.
     pub(super) noise: f64,
     /// What the last poses said, and how many surprising ones there have been in a row.
-    refused: [Said; REFUSALS],
+    said: [Said; REFUSALS],
     in_a_row: u8,
     /// How many of the last ones said the same, one after the other.
     alike: u16,
@@ -124,7 +124,7 @@ impl Trust {
         Self {
             accepted,
             noise: 1.0,
-            refused: [Said::NOTHING; REFUSALS],
+            said: [Said::NOTHING; REFUSALS],
             in_a_row: 0,
             alike: 0,
             contradicted: 0,
@@ -156,14 +156,14 @@ impl Trust {
 
     /// Whether the pose before was surprising too, and agrees with this one.
     pub(super) fn repeats(&self, said: &Said, noises: (f64, f64)) -> bool {
-        let before = self.refused.last().filter(|_| self.in_a_row > 0);
+        let before = self.said.last().filter(|_| self.in_a_row > 0);
         before.is_some_and(|before| said.agrees(before, noises))
     }
 
     /// Whether the differences of this pose and of the two before it have about the same direction, whether they were surprising
     /// or not.
     pub(super) fn insists(&self, said: &Said, noises: (f64, f64)) -> bool {
-        let [.., before, last] = &self.refused;
+        let [.., before, last] = &self.said;
         said.points_as(last, noises) && last.points_as(before, noises)
     }
 
@@ -204,7 +204,7 @@ impl Trust {
 
     /// Mean time between the last surprising poses, s.
     fn period(&self) -> f64 {
-        let ages = self.refused.first().zip(self.refused.last());
+        let ages = self.said.first().zip(self.said.last());
         ages.map_or(0.0, |(first, last)| (last.age() - first.age()) / (REFUSALS - 1) as f64)
     }
 
@@ -229,8 +229,8 @@ impl Trust {
 
     /// Remembers what a pose said.
     pub(super) fn note(&mut self, said: Said) {
-        self.refused.rotate_left(1);
-        if let Some(slot) = self.refused.last_mut() {
+        self.said.rotate_left(1);
+        if let Some(slot) = self.said.last_mut() {
             *slot = said;
         }
     }
@@ -249,11 +249,11 @@ impl Trust {
         modelled: bool,
     ) -> Agreement {
         let n = REFUSALS as f64;
-        let mean = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.position()) / n;
-        let rotation = self.refused.iter().fold(Vector3::zeros(), |sum, r| sum + r.rotation()) / n;
-        let middle = self.refused.iter().map(|r| r.age()).sum::<f64>() / n;
+        let mean = self.said.iter().fold(Vector3::zeros(), |sum, r| sum + r.position()) / n;
+        let rotation = self.said.iter().fold(Vector3::zeros(), |sum, r| sum + r.rotation()) / n;
+        let middle = self.said.iter().map(|r| r.age()).sum::<f64>() / n;
         let (mut spread, mut moment, mut turning) = (1e-9, Vector3::zeros(), Vector3::zeros());
-        for r in &self.refused {
+        for r in &self.said {
             spread += (r.age() - middle) * (r.age() - middle);
             moment += (r.position() - mean) * (r.age() - middle);
             turning += (r.rotation() - rotation) * (r.age() - middle);
@@ -262,8 +262,8 @@ impl Trust {
         let rate = if modelled { turning / spread } else { Vector3::zeros() };
         let off = |r: &Said| r.position() - mean - velocity * (r.age() - middle);
         let turned = |r: &Said| r.rotation() - rotation - rate * (r.age() - middle);
-        let squares = self.refused.iter().map(|r| off(r).norm_squared()).sum::<f64>();
-        let turns = self.refused.iter().map(|r| turned(r).norm_squared()).sum::<f64>();
+        let squares = self.said.iter().map(|r| off(r).norm_squared()).sum::<f64>();
+        let turns = self.said.iter().map(|r| turned(r).norm_squared()).sum::<f64>();
         // Three axes; a line has two free parameters per axis, a mean has one.
         let position_scatter = sqrt(squares / (3.0 * (n - 2.0)));
         let rotation_scatter = sqrt(turns / (3.0 * (n - if modelled { 2.0 } else { 1.0 })));

@@ -76,11 +76,9 @@ impl Hover {
     /// A force and a torque along each horizontal axis of the world, of these sizes.
     pub(super) fn pushes_of_air(&self, (force, torque): (f64, f64)) -> [Wrench; 4] {
         let [x_r, y_r] = self.horizontal_r();
-        let none = Vector3::zeros();
-        let forces = [x_r, y_r].map(|axis| Wrench { force: axis * force, torque: none });
-        let [a, b] = [x_r, y_r].map(|axis| Wrench { force: none, torque: axis * torque });
-        let [x, y] = forces;
-        [x, y, a, b]
+        let pushed = |axis_r: Vector3| Wrench { force: axis_r * force, torque: Vector3::zeros() };
+        let turned = |axis_r: Vector3| Wrench { force: Vector3::zeros(), torque: axis_r * torque };
+        [pushed(x_r), pushed(y_r), turned(x_r), turned(y_r)]
     }
 
     fn scaled(&self, by: f64) -> Self {

@@ -13,8 +13,7 @@ use super::{
 use crate::{Vehicle, types::Vector3};
 use core::ops::Range;
 
-/// The unknowns that stray, and the time in which each changes by its prior deviation, s. A battery that takes away 10 % of the
-/// thrust in five minutes strays no faster.
+/// The unknowns that stray, and the time in which each changes by its prior deviation, s.
 const STRAYS: [(Range<usize>, f64); 3] =
     [(MASS..THRUST + 1, 10_800.0), (CENTRE_OF_MASS, 10_800.0), (ACCELEROMETER_BIAS, 60.0)];
 /// They stray for at most this time between two hovers, s.
@@ -70,12 +69,12 @@ impl SlowLearner {
             estimate.stray(unknowns, self.elapsed.min(LONGEST) / time);
         }
         let largest = estimate.absorb(&self.before, prior, &estimate.about(), &hover, false);
-        let (correction, deviation) =
-            (estimate.correction(&self.before, prior), estimate.deviations(&self.before, prior));
         if !(largest <= CREDIBLE && estimate.is_within(super::CREDIBLE.1)) {
             return None;
         }
+        let correction = estimate.correction(&self.before, prior);
         let corrected = self.before.corrected(&correction)?;
+        let deviation = estimate.deviations(&corrected, prior);
         let centre_r = correction.centre_r - self.centre_r;
         let hovers = self.hovers.saturating_add(1);
         (self.estimate, self.centre_r, self.hovers) = (estimate, correction.centre_r, hovers);

@@ -88,16 +88,17 @@ pub(crate) fn left_bias(random: &mut Random) -> Vector3 {
     Vector3::from_fn(|_, _| 0.005 * random.normal())
 }
 
-/// A calibration: hovers of a truth at some attitudes, with an external wrench (robot coordinates) by hover and time.
+/// A calibration: hovers of a truth at some attitudes, with an external wrench (robot coordinates) by hover and time. Returns
+/// also the learner, which goes on slowly.
 pub(crate) fn calibrate(
-    learner: &mut ModelLearner,
     model: &Vehicle,
     prior: &ModelPrior,
     truth: &Vehicle,
     attitudes: &[Matrix3],
     random: &mut Random,
     external: impl Fn(usize, f64) -> Wrench,
-) -> Result<Learnt, Refusal> {
+) -> Result<(Learnt, ModelLearner), Refusal> {
+    let mut learner = ModelLearner::default();
     let bias = left_bias(random);
     for (k, rotation_wr) in attitudes.iter().enumerate() {
         for tick in 0..2400 {
@@ -112,7 +113,7 @@ pub(crate) fn calibrate(
         };
         learner.observe(model, false, &moving, DT);
     }
-    learner.finish(model, prior)
+    learner.finish(model, prior).map(|learnt| (learnt, learner))
 }
 
 pub(crate) fn nobody(_: usize, _: f64) -> Wrench {
