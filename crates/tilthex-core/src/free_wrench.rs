@@ -141,7 +141,8 @@ impl Half {
         let (mass, damping) = (along.dot(&(self.mass * along)), along.dot(&(self.damping * along)));
         let enough = damping * allowed + mass * (allowed - speed) / REACHED;
         let wanted = size + (self.felt_w - self.spring_w).dot(&along);
-        along * (size - (wanted - enough).max(0.0).min(size))
+        // A filter with little damping does not slow down by itself: the drive may also brake, as strongly as it pushes.
+        along * (size - (wanted - enough).max(0.0).min(2.0 * size))
     }
 }
 
@@ -198,9 +199,20 @@ mod tests {
             let limits = FreeWrenchParams::default();
             prop_assert!(fastest < 1.05 * limits.speed, "{fastest} m/s");
             prop_assert!((-1e-3..limits.way + 0.01).contains(&place), "{place} m");
-            // And a weak one goes as far as it can.
-            let least = if stiffness > 0.0 { (force / stiffness).min(limits.way) } else { limits.way };
-            prop_assert!(damping == 0.0 || place > 0.9 * least.min(9.0 * force / damping), "{place} m of {least}");
+            // And a weak one goes as far as damping and spring let it, without mass, in 9 s of the 12 s.
+            let rate = stiffness / damping;
+            let crept = if rate > 0.0 { force / stiffness * (1.0 - (-9.0 * rate).exp()) } else { 9.0 * force / damping };
+            let least = limits.way.min(crept);
+            prop_assert!(damping == 0.0 || place > 0.9 * least, "{place} m of {least}");
+        }
+
+        /// Also without damping and spring, where nothing but the drive slows the filter down.
+        #[test]
+        fn the_way_ends_without_damping(force in 0.5..100.0_f64, damping in 0.0..2.0_f64) {
+            let (fastest, place, _) = run(force, damping, 0.0, (0.0, 0.0));
+            let limits = FreeWrenchParams::default();
+            prop_assert!(fastest < 1.05 * limits.speed, "{fastest} m/s");
+            prop_assert!((0.9 * limits.way..limits.way + 0.01).contains(&place), "{place} m");
         }
 
         #[test]
