@@ -14,6 +14,7 @@ from tilthex.__main__ import main
 from tilthex._toml import tomllib
 from tilthex.estimate import calibrate, configured
 from tilthex.estimate_figures import pose_errors
+from tilthex.log import Log
 from tilthex.noises import find_noises
 from tilthex.recording import Recording
 from ukf_reference import recording as simulated
@@ -231,8 +232,8 @@ def test_estimates_from_a_log(tmp_path, capsys):
     other = tmp_path / "other.mcap"
     flight = ["tilthex-rt", "--sim", "--take-off", "--duration", "1", "--log", str(other), "--config"]
     subprocess.run([*flight, str(tmp_path / "other.toml")], check=True, capture_output=True, timeout=120)
-    of_log = configured(argparse.Namespace(config=None, recording=other))
+    of_log = configured(argparse.Namespace(config=None), Log(other))
     assert of_log.to_dict()["estimator"]["history"] == 0.4
-    given = argparse.Namespace(config=tmp_path / "third.toml", recording=other)
+    given = argparse.Namespace(config=tmp_path / "third.toml")
     given.config.write_text('[vehicle]\npreset = "quadrotor"\n')
-    assert configured(given).to_dict()["estimator"]["history"] == 0.3
+    assert configured(given, Log(other)).to_dict()["estimator"]["history"] == 0.3

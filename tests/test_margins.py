@@ -114,10 +114,10 @@ def test_check_prints_and_plots(tmp_path):
         ([(0.0, 1642.0)], "stable up to 1640 N/m", "1640 N/m"),
         (
             [(0.0, 344.0), (6920.0, 1e6)],
-            "stable up to 344 N/m, unstable up to 6920 N/m, stable above",
+            "stable up to 344 N/m and above 6920 N/m",
             "344 N/m",
         ),
-        ([(20.0, 80.0)], "unstable up to 20 N/m, stable up to 80 N/m", "no stiffness"),
+        ([(20.0, 80.0)], "stable from 20 to 80 N/m", "no stiffness"),
     ],
 )
 def test_ranges_of_stiffness_are_words(found, words, up_to):

@@ -120,7 +120,7 @@ def test_clocks_without_a_common_time_are_refused(tmp_path, config, truth):
     rows[:, 0] = truth.pose_time + 1000
     said = refused(imu, config, poses=str(table(poses, ["t", *"xyz", "qx", "qy", "qz", "qw"], rows)))
     assert "imu_time is 0 to 0.39" in said and "and pose_time is 1000 to 1000.39 s" in said
-    assert "no time in common" in said
+    assert "any time in common" in said
 
 
 @pytest.mark.parametrize("missing", ["", "nan", "0"])
@@ -153,16 +153,6 @@ def test_a_pose_without_numbers_was_not_seen(tmp_path, config, truth, missing, w
         pose = {"t": truth.pose_time, "position": position} | turn
         pytest.importorskip("scipy.io").savemat(tmp_path / "r.mat", {"imu": imu, "pose": pose})
         same(Recording.from_file(tmp_path / "r.mat", config).tracked(), seen, 1e-9, FIELDS[:-1])
-
-
-def test_a_pose_with_a_gap_is_named(tmp_path, config, truth):
-    path = tmp_path / "q.csv"
-    write_csv(path, truth)
-    lines = path.read_text().splitlines()
-    fields = lines[205].split(",")
-    fields[11] = ""
-    path.write_text("\n".join([*lines[:205], ",".join(fields), *lines[206:]]))
-    assert "line 206 has no number for quaternion_y" in refused(path, config)
 
 
 def test_tables_of_euroc_and_tum_are_read(tmp_path, config, truth):

@@ -102,6 +102,16 @@ def written(tmp_path, truth, matrices):
     return tmp_path / "r.csv"
 
 
+def changed(path, line, fields):
+    """Changes some fields of a line of a table."""
+    lines = path.read_text().splitlines()
+    row = lines[line].split(",")
+    for place, text in fields.items():
+        row[place] = text
+    lines[line] = ",".join(row)
+    path.write_text("\n".join(lines))
+
+
 def test_what_is_no_rotation_is_named_with_its_line(tmp_path, config, truth):
     matrices = truth.rotation.copy()
     matrices[7] *= [1, 1, -1]
@@ -112,21 +122,16 @@ def test_what_is_no_rotation_is_named_with_its_line(tmp_path, config, truth):
     assert "1.0e-01 away" in refused(written(tmp_path, truth, matrices), config)
     path = tmp_path / "q.csv"
     write_csv(path, truth)
-    lines = path.read_text().splitlines()
-    fields = lines[210].split(",")
-    fields[10:14] = "0.5", "0.5", "0.5", "0.6"
-    path.write_text("\n".join([*lines[:210], ",".join(fields), *lines[211:]]))
+    changed(path, 210, {10: "0.5", 11: "0.5", 12: "0.5", 13: "0.6"})
     assert "line 211: the quaternion [0.5, 0.5, 0.5, 0.6] is not of unit length" in refused(path, config)
 
 
-def test_a_row_with_a_gap_is_named(tmp_path, config, truth):
+@pytest.mark.parametrize(("line", "field", "name"), [(5, 5, "force_y"), (205, 11, "quaternion_y")])
+def test_a_row_with_a_gap_is_named(tmp_path, config, truth, line, field, name):
     path = tmp_path / "q.csv"
     write_csv(path, truth)
-    lines = path.read_text().splitlines()
-    fields = lines[5].split(",")
-    fields[5] = ""
-    path.write_text("\n".join([*lines[:5], ",".join(fields), *lines[6:]]))
-    assert "line 6 has no number for force_y" in refused(path, config)
+    changed(path, line, {field: ""})
+    assert f"line {line + 1} has no number for {name}" in refused(path, config)
 
 
 @pytest.mark.parametrize("order", ["xyzw", "wxyz"])

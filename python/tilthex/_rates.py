@@ -18,6 +18,8 @@ TURNS = 0.05
 """Smallest rate about the second of the axes about which a recording turns, rad/s rms."""
 STEP = 0.01
 """Step of the delays that are tried, s."""
+FEWEST = 20
+"""The smallest number of poses."""
 
 
 class Rates:
@@ -26,12 +28,17 @@ class Rates:
     def __init__(self, recording: Recording, config: _core.Config) -> None:
         from scipy.spatial.transform import Rotation
 
-        time = recording.pose_time
+        time, kept = np.unique(recording.pose_time, return_index=True)
+        if len(time) < FEWEST:
+            raise ValueError(
+                f"the recording has {len(time)} poses of different times; expected {FEWEST} or more to find "
+                "how the body is mounted: record ten seconds of motion"
+            )
         step = max(1, round(SPAN / float(np.median(np.diff(time)))))
-        turned = Rotation.from_matrix(recording.rotation)
+        turned = Rotation.from_matrix(recording.rotation[kept])
         span = (time[step:] - time[:-step])[:, None]
         captured = (turned[:-step].inv() * turned[step:]).as_rotvec() / span
-        self._used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] > 0.0) & (span[:, 0] < 0.2)
+        self._used = (np.linalg.norm(captured, axis=1) < 20.0) & (span[:, 0] < 0.2)
         self._captured = captured - captured[self._used].mean(axis=0)
         self._time, self._step, self._span = time, step, span
         self._imu_time = recording.imu_time

@@ -13,19 +13,18 @@ from numpy.typing import NDArray
 from tilthex import _core
 from tilthex._rates import Rates
 from tilthex._scatter import spread
-from tilthex._toml import tomllib
 from tilthex.recording import Recording
 
 Array = NDArray[np.float64]
 
+SETTLE = 1.0
+"""Innovations and errors of the first time of a recording do not count, s."""
 LATENCIES = (-0.05, 0.5)
 """The range of latencies in which `calibrate` searches, s: that of the key."""
 NEAR = 0.045
 """The search begins this close to the latency, s: angular rates show it before."""
 FARTHEST = 3.0
 """Largest distance of the captured body from the robot's origin along each axis, m."""
-USUAL_HISTORY = 0.3
-"""The default `history`, s; a latency may be half of it."""
 EDGE = 1e-3
 """A latency this close to the range's end is at its bound, s."""
 USUAL = 0.05, 0.02
@@ -54,6 +53,7 @@ class Calibration:
         gyro_deviation: Standard deviations of the entries of the gyro's matrix, (3, 3).
         accelerometer_deviation: Those of the accelerometer's scale, (3,).
         written: Names of the keys of matrices that differ from the configured ones. The others stay.
+        history: The key `history` that the latency needs, s; None if the configured one suffices.
     """
 
     body_position: Array
@@ -65,12 +65,7 @@ class Calibration:
     gyro_deviation: Array
     accelerometer_deviation: Array
     written: tuple[str, ...]
-
-    @property
-    def history(self) -> float | None:
-        """The key `history` that this latency needs, s; None if the default suffices."""
-        needed = math.ceil(100 * (2 * self.latency + 0.02)) / 100
-        return min(needed, 1.0) if needed > USUAL_HISTORY else None
+    history: float | None
 
     def config(self, config: _core.Config) -> _core.Config:
         """A configuration with this place, latency, and the matrices that differ from the configured ones."""
@@ -80,7 +75,7 @@ class Calibration:
             "latency": self.latency,
         }
         if self.history is not None:
-            keys["history"] = max(self.history, config.to_dict()["estimator"]["history"])
+            keys["history"] = self.history
         matrices = {
             "gyro_matrix": self.gyro_matrix.tolist(),
             "accelerometer_matrix": self.accelerometer_scale.tolist(),
@@ -120,7 +115,7 @@ class Calibration:
         )
 
 
-def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Calibration:
+def calibrate(recording: Recording, config: _core.Config, *, settle: float = SETTLE) -> Calibration:
     """Finds the captured body's pose on the robot, the latency of the poses, and the sensors' matrices.
 
     They are the ones that minimise the innovations. The search starts with the latency within `LATENCIES` and
@@ -179,6 +174,12 @@ def calibrate(recording: Recording, config: _core.Config, *, settle: float = 1.0
     )
 
 
+def _history(latency: float, configured: float) -> float | None:
+    """The key `history` that a latency needs, s, twice the latency; None if the configured one suffices."""
+    needed = min(math.ceil(100 * (2 * latency + 0.02)) / 100, 1.0)
+    return needed if needed > configured else None
+
+
 def _refuse(best: Calibration, latency: bool) -> None:
     """Says which value is at its bound, and what to do."""
     if latency and not LATENCIES[0] + EDGE < best.latency < LATENCIES[1] - EDGE:
@@ -188,8 +189,8 @@ def _refuse(best: Calibration, latency: bool) -> None:
         )
     if latency:
         raise ValueError(
-            f"the recording does not tell the latency: angular rates show one {NEAR:g} s away from "
-            f"{best.latency:.3f} s, which poses show; expected a recording that turns about all axes"
+            f"the recording does not tell the latency: the poses show {best.latency:.3f} s, and the angular "
+            f"rates differ from it by {NEAR:g} s or more; expected less: record turns about all axes"
         )
     raise ValueError(
         f"the place of the captured body comes out at its bound, {np.round(best.body_position, 2).tolist()} "
@@ -213,7 +214,8 @@ class _Search:
             pose_arrival_time=recording.pose_arrival_time - self._late,
         )
         self._counts = recording.pose_time > recording.pose_time[0] + settle
-        keys = tomllib.loads(config.to_toml())["estimator"]
+        keys = config.to_dict()["estimator"]
+        self._history = float(keys["history"])
         matrices = [np.asarray(keys[f"{sensor}_matrix"], float) for sensor in ("gyro", "accelerometer")]
         self._gyro, force = (np.diag(each) if each.ndim == 1 else each for each in matrices)
         self._force = np.diag(force)
@@ -255,6 +257,7 @@ class _Search:
             gyro_deviation=np.zeros((3, 3)),
             accelerometer_deviation=np.zeros(3),
             written=MATRICES if count > 7 else (),
+            history=_history(self._late + float(x[6]), self._history),
         )
 
     def weigh(self, parameters: Array, base: _core.Config) -> None:
@@ -274,7 +277,7 @@ class _Search:
 
     def _run(self, parameters: Array, base: _core.Config) -> _core.UkfRun:
         tried = self.calibration(parameters)
-        tried = replace(tried, latency=tried.latency - self._late)
+        tried = replace(tried, latency=tried.latency - self._late, history=None)
         return self._recording.estimate(_core.Ukf(tried.config(base)))
 
     def jacobian(self, parameters: Array, base: _core.Config) -> Array:

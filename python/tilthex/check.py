@@ -221,8 +221,8 @@ def report(found: dict[str, Any]) -> Iterator[str]:
 def _contact(contact: dict[str, Any]) -> Iterator[str]:
     yield f"contact with an environment that has {1e3 * contact['damping_time']:g} ms of damping"
     for name, ranges in contact["along"].items():
-        undamped = border(contact["along_undamped"][name], "N/m")
-        yield f"  along {name}: {_ranges(ranges, 'N/m')}; without damping: up to {undamped}"
+        undamped = _ranges(contact["along_undamped"][name], "N/m")
+        yield f"  along {name}: {_ranges(ranges, 'N/m')}; without damping: {undamped}"
     worst = contact["worst"]
     yield f"  worst, along {np.round(worst['direction'], 2).tolist()}: {_ranges(worst['stable'], 'N/m')}"
     for name, ranges in contact["about"].items():
@@ -246,13 +246,11 @@ def _ranges(found: list[tuple[float, float]], unit: str) -> str:
         return "no stiffness is stable"
     words = []
     for low, high in found:
-        if low > 0.0:
-            words.append(f"unstable up to {_number(low)} {unit}")
         if high < ANY:
-            words.append(f"stable up to {_number(high)} {unit}")
+            words.append((f"from {_number(low)} to " if low > 0.0 else "up to ") + f"{_number(high)} {unit}")
         else:
-            words.append("stable above" if low > 0.0 else "stable at any stiffness")
-    return ", ".join(words)
+            words.append(f"above {_number(low)} {unit}" if low > 0.0 else "at any stiffness")
+    return f"stable {' and '.join(words)}"
 
 
 def border(found: list[tuple[float, float]], unit: str) -> str:

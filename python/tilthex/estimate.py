@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
-import warnings
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core, _json
-from tilthex.calibration import calibrate
+from tilthex.calibration import SETTLE, calibrate
 from tilthex.estimate_figures import figures, pose_errors, summary
-from tilthex.log import Log, LogCut, NotALog
+from tilthex.log import Log
 from tilthex.noises import find_noises
-from tilthex.recording import Recording
+from tilthex.recording import Recording, own_log
 
 Array = NDArray[np.float64]
 
@@ -72,8 +70,9 @@ def write_states(recording: Recording, run: _core.UkfRun, path: Path) -> None:
 def _estimate(arguments: argparse.Namespace) -> None:
     if arguments.every < 1:
         raise ValueError(f"--every is {arguments.every}; expected 1 or more")
-    config = configured(arguments)
-    recording = _recording(arguments, config)
+    log = own_log(arguments.recording)
+    config = configured(arguments, log)
+    recording = _recording(arguments, config, log)
     fed = recording
     if arguments.every > 1:
         fed = recording.select(np.arange(len(recording.pose_time)) % arguments.every == 0)
@@ -95,13 +94,14 @@ def _estimate(arguments: argparse.Namespace) -> None:
 
 
 def _calibrate(arguments: argparse.Namespace) -> None:
-    given = configured(arguments)
-    recording = _recording(arguments, given).tracked()
+    log = own_log(arguments.recording)
+    given = configured(arguments, log)
+    recording = _recording(arguments, given, log).tracked()
     found = calibrate(recording, given)
     placed = found.config(given)
     if not arguments.json:
         print(found)
-    # A pose counts at its time of capture; one that arrives too late for a filter shows its noise, too.
+    # The noises are those of all poses, also of poses that would arrive too late in flight.
     captured = recording.pose_time - max(found.latency, 0.0)
     recording = replace(recording, pose_arrival_time=np.minimum(recording.pose_arrival_time, captured))
     noises = find_noises(recording, placed)
@@ -111,6 +111,7 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         heading = f"# Found by tilthex calibrate in {arguments.recording.name}; keys of a configuration."
         arguments.out.write_text(f"{heading}\n{found}\n{noises}\n", encoding="utf-8")
     fed = np.arange(len(recording.pose_time)) % 2 == 0
+    counted = recording.pose_time > recording.pose_time[0] + SETTLE
     errors: dict[str, Any] = {}
     for name, config in (
         ("before", given),
@@ -118,7 +119,8 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         ("with all keys", noises.config(placed)),
     ):
         run = recording.select(fed).estimate(_core.Ukf(config))
-        errors[name] = pose_errors(recording.select(~fed), run, config), float(np.nanmean(run.nis))
+        nis = float(np.nanmean(run.nis[counted[fed]]))
+        errors[name] = pose_errors(recording.select(~fed & counted), run, config), nis
     if arguments.json:
         withheld = {
             name.replace(",", "").replace(" ", "_"): error.figures() | {"nis": nis}
@@ -126,27 +128,24 @@ def _calibrate(arguments: argparse.Namespace) -> None:
         }
         _json.say({"place": found, "noises": noises, "withheld": withheld})
         return
-    print("errors at every second pose, if the filter does not get it:")
+    print(f"errors at every second pose after {SETTLE:g} s, if the filter does not get it:")
     for name, (error, nis) in errors.items():
         print(f"  {name}: {error}; NIS {nis:.2f}")
     if arguments.out:
         print(arguments.out)
 
 
-def _recording(arguments: argparse.Namespace, config: _core.Config) -> Recording:
-    return Recording.from_file(arguments.recording, config, imu=arguments.imu, poses=arguments.poses)
+def _recording(arguments: argparse.Namespace, config: _core.Config, log: Log | None) -> Recording:
+    file = log or arguments.recording
+    return Recording.from_file(file, config, imu=arguments.imu, poses=arguments.poses)
 
 
-def configured(arguments: argparse.Namespace) -> _core.Config:
+def configured(arguments: argparse.Namespace, log: Log | None) -> _core.Config:
     """The configuration: the named one, that of the log, or the default."""
-    path: Path = arguments.recording
     if arguments.config:
         return _core.Config.from_toml(arguments.config)
-    if path.suffix.lower() == ".mcap" and path.is_file():
-        with contextlib.suppress(NotALog), warnings.catch_warnings():
-            # The recording itself warns.
-            warnings.simplefilter("ignore", LogCut)
-            return _core.Config.from_text(Log(path).configuration)
+    if log:
+        return _core.Config.from_text(log.configuration)
     return _core.Config.default(_core.Vehicle.preset("tilt-hex"))
 
 

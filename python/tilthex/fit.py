@@ -23,8 +23,11 @@ ADVICE = {
     "test stand, or keep the model's value",
 }
 """What to do about parameters that no flight determines."""
-WRITTEN = (("rotor drag", "contact", "rotor_drag"), ("age of rotor speeds", "link", "rotor_speed_age"))
-"""Parameters that are keys of other sections than the vehicle's."""
+WRITTEN = (
+    ("rotor drag", "contact", "rotor_drag", 1.0),
+    ("age of rotor speeds", "link", "rotor_speed_age", 0.05),
+)
+"""Parameters that are keys of other sections than the vehicle's, and their largest values."""
 CORRELATED = 0.95
 """Above this correlation, two parameters can only be determined together."""
 
@@ -101,14 +104,15 @@ def summary(found: Identified) -> dict[str, Any]:
 def toml(found: Identified) -> str:
     """The corrected vehicle, and the learnt keys of other sections, as a configuration."""
     parts = [found.vehicle.to_toml()]
-    for name, section, key in WRITTEN:
+    for name, section, key, most in WRITTEN:
         one = found[name]
         what = f"# {name}, {one.unit}: {one.value:.3g} +- {one.deviation:.2g}"
-        parts.append(
-            f"{what}\n[{section}]\n{key} = {max(one.value, 0.0):.6g}\n"
-            if one.learnt
-            else f"{what}, not learnt\n"
-        )
+        if not one.learnt:
+            parts.append(f"{what}, not learnt\n")
+        elif 0.0 <= one.value <= most:
+            parts.append(f"{what}\n[{section}]\n{key} = {one.value:.6g}\n")
+        else:
+            parts.append(f"{what}, outside of the range of {key} in [{section}]\n")
     return "\n".join(parts)
 
 
@@ -166,7 +170,9 @@ def add_parser(commands: Any) -> None:
     parser.add_argument(
         "--begin", type=float, metavar="S", help="use each log from this time on, s since its start"
     )
-    parser.add_argument("--end", type=float, metavar="S", help="use each log up to this time")
+    parser.add_argument(
+        "--end", type=float, metavar="S", help="use each log up to this time, s since its start"
+    )
     parser.add_argument(
         "--out",
         type=Path,

@@ -200,7 +200,7 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     flown = sum(p * int(w.sum()) for p, w in zip(period, whole, strict=True))
     figures, correlation = _figures(model, x, covariance, prior)
     if mass is not None:
-        figures[0] = replace(figures[0], weighed=True)
+        figures = [replace(one, weighed=True) if one.name == "mass" else one for one in figures]
     found = model.at(x)
     return Identified(
         figures + lag,

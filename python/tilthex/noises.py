@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core
-from tilthex._toml import tomllib
+from tilthex.calibration import SETTLE
 from tilthex.recording import Recording
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ class Noises:
         return f"within a factor of {np.exp(self.deviation[key]):.2f} (standard deviation)"
 
 
-def find_noises(recording: Recording, config: _core.Config, *, settle: float = 1.0) -> Noises:
+def find_noises(recording: Recording, config: _core.Config, *, settle: float = SETTLE) -> Noises:
     """Finds the noises of poses and inertial samples by maximum likelihood.
 
     Args:
@@ -86,7 +86,7 @@ def find_noises(recording: Recording, config: _core.Config, *, settle: float = 1
     if len(time) < FEWEST:
         raise ValueError(f"the recording has {len(time)} poses; expected {FEWEST} or more to find noises")
     config = config.replace(estimator={"gate_probability": 1.0})
-    keys = tomllib.loads(config.to_toml())["estimator"]
+    keys = config.to_dict()["estimator"]
     counts = time > time[0] + settle
     search = _Search(recording, config)
     configured = np.log([np.clip(float(keys[key]), *bounds) for key, bounds in BOUNDS.items()])

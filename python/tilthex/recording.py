@@ -39,12 +39,12 @@ class Recording:
 
     @staticmethod
     def from_file(
-        path: Path | str, config: _core.Config, *, imu: str | None = None, poses: str | None = None
+        path: Path | str | Log, config: _core.Config, *, imu: str | None = None, poses: str | None = None
     ) -> Recording:
         """Reads a log of tilthex-rt, or a recording of another program: docs/recordings.md.
 
         Args:
-            path: The file: .mcap, .csv, .mat, .ulg, or the folder of a ROS 2 bag.
+            path: The file: .mcap, .csv, .mat, .ulg, or the folder of a ROS 2 bag; or a log that is open.
             config: The configuration; its link decodes a log of tilthex-rt.
             imu: The topic of the inertial samples, if more than one topic has some.
             poses: The topic of the poses, or another file that holds them.
@@ -52,12 +52,9 @@ class Recording:
         Raises:
             ValueError: The file lacks data; the message says what it has.
         """
-        path = Path(path)
-        recording = None
-        if path.suffix.lower() == ".mcap" and path.is_file():
-            with contextlib.suppress(NotALog):
-                recording = _read_log(path, config)
-        recording = recording or _read_streams(path, imu, poses)
+        log = path if isinstance(path, Log) else own_log(Path(path))
+        path = Path(path.path if isinstance(path, Log) else path)
+        recording = _read_log(log, config) if log else _read_streams(path, imu, poses)
         if len(recording.imu_time) < 2 or len(recording.pose_time) < 2:
             found = f"{len(recording.imu_time)} inertial samples and {len(recording.pose_time)} poses"
             raise ValueError(f"{path} holds {found}; expected at least 2 of each")
@@ -94,11 +91,19 @@ class Recording:
         )
 
 
-def _read_log(path: Path, config: _core.Config) -> Recording:
+def own_log(path: Path) -> Log | None:
+    """A log of tilthex-rt; None for a recording of another program."""
+    if path.suffix.lower() == ".mcap" and path.is_file():
+        with contextlib.suppress(NotALog):
+            return Log(path)
+    return None
+
+
+def _read_log(log: Log, config: _core.Config) -> Recording:
     """Reads a log of tilthex-rt."""
     times, chunks = [], []
     poses: list[list[float]] = []
-    for _, tick in Log(path).messages("/input"):
+    for _, tick in log.messages("/input"):
         times.append(tick.time)
         chunks.append(bytes(tick.link))
         for pose in tick.poses:

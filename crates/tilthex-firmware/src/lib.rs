@@ -209,7 +209,10 @@ impl Firmware {
         let started = matches!(before, Phase::Starting | Phase::Grounded);
         if started && supervisor.phase() == Phase::Disarmed && !supervisor.killed() {
             self.flight.call_off();
-            self.outbox.say(Severity::Warning, &["the start is called off; order the take-off again"]);
+            // After an order to land, the board restarts first.
+            if !self.host.land {
+                self.outbox.say(Severity::Warning, &["the start is called off; order the take-off again"]);
+            }
         }
     }
 

@@ -132,7 +132,7 @@ impl Console {
             memory.gone = true;
             return;
         };
-        let Self { base, feed, .. } = self;
+        let Self { base, feed, waiting, .. } = self;
         base.receive(&bytes[..count], seconds(), &mut |event| match event {
             Event::Record(record) => {
                 memory.flew |= record.phase.in_flight();
@@ -147,6 +147,8 @@ impl Console {
             Event::Unanswered(order) => unanswered(&order),
             Event::Restarted(before) => {
                 memory.before = before.or(memory.before);
+                // They were given to a board that flew, or was ready.
+                waiting.clear();
                 say("warning: the vehicle's board has started again");
             }
         });

@@ -58,7 +58,10 @@ impl Waiting {
             let orders = self.take();
             self.orders.extend(orders);
         }
-        self.orders.pop_front().map(|(order, _)| order)
+        let (next, _) = self.orders.pop_front()?;
+        // A command is not carried out by half: what is left of it has waited for this order only.
+        self.orders.iter_mut().for_each(|(_, since)| *since = now);
+        Some(next)
     }
 
     /// Takes a command out of the ring: the orders that carry it out, and since when they wait, s.

@@ -30,52 +30,6 @@ COLUMNS: dict[str, tuple[int, ...]] = {
 and `phase` are added. The wrench is that on the tool, about its origin, W. `scene_joints` are the coordinates
 of the joints of a scene of your own, m and rad, in the order of its file: as MuJoCo has them."""
 
-MEANINGS: dict[str, tuple[str, str, str]] = {
-    "time": ("s", "", "time since the begin of the run, after a calibration"),
-    "tool_position": ("m", "world", "true position of the tool's tip"),
-    "tool_velocity": ("m/s", "world", "true velocity of the tip"),
-    "tool_rotation": ("1", "tool to world", "true orientation of the tool"),
-    "robot_position": ("m", "world", "true position of the centre of mass"),
-    "robot_rotation": ("1", "robot to world", "true orientation of the robot"),
-    "angular_velocity": ("rad/s", "robot", "true angular velocity"),
-    "true_wrench": (
-        "N, N m",
-        "world",
-        "true wrench on the tool, about its tip: contacts and the pull of `[push]`",
-    ),
-    "peak_force": ("N", "", "largest force of all contacts of the vehicle together, in the control period"),
-    "largest_contact": ("N", "", "largest force of a single contact of the tool"),
-    "pressure": ("N", "world", "sum of the normal forces on the tool across each axis"),
-    "rotor_speeds": ("Hz", "", "true speeds of the rotors"),
-    "scene_joints": (
-        "m, rad",
-        "",
-        "coordinates of the joints of a scene of your own, in the order of its file",
-    ),
-    "setpoint_position": ("m", "world", "set-point: position of the tip"),
-    "setpoint_rotation": ("1", "tool to world", "set-point: orientation of the tool"),
-    "reference_position": ("m", "world", "the set-point after the admittance filter: position of the tip"),
-    "reference_rotation": ("1", "tool to world", "the same: orientation of the tool"),
-    "reference_velocity": ("m/s", "world", "the same: velocity of the tip; not with `--wire`"),
-    "estimated_position": ("m", "world", "estimated position of the centre of mass"),
-    "estimated_velocity": ("m/s", "world", "estimated velocity of the centre of mass"),
-    "estimated_rotation": ("1", "robot to world", "estimated orientation of the robot"),
-    "position_error": ("m", "world", "error of the pose controller"),
-    "rotation_error": ("1", "robot", "error e_R of the pose controller; in rad if it is small"),
-    "wrench_robot": (
-        "N, N m",
-        "force world, torque robot",
-        "observed external wrench, about the centre of mass",
-    ),
-    "wrench_tool": ("N, N m", "world", "observed external wrench, about the tip"),
-    "wrench_contact": ("N, N m", "world", "the part of `wrench_tool` that is no drag of the wind"),
-    "wrench_admittance": ("N, N m", "world", "input of the admittance filter, after low-pass and dead zone"),
-    "wind": ("m/s", "world", "estimated velocity of the air; not with `--wire`"),
-    "contact_likelihood": ("1", "", "likelihood that the tool is touched; not with `--wire`"),
-    "saturated": ("0 or 1", "", "whether the rotors' limits reduced the wrench"),
-}
-"""For every column of a record: unit, frame and meaning. docs/howto/experiment.md has the same as a table."""
-
 
 def shapes(rotors: int, joints: int) -> dict[str, tuple[int, ...]]:
     """The columns of the true values for these numbers of rotors and of coordinates of the scene."""

@@ -87,7 +87,7 @@ def landing(run: Run, files: Files) -> list[Check]:
     ]
     away = float(np.linalg.norm(last - first))
     return [
-        below(f"{run.name}: the landing is beside the start by", away, BESIDE, "mm", scale=1e3),
+        below(f"{run.name}: distance between landing and start", away, BESIDE, "mm", scale=1e3),
         Check(f"{run.name}: faults in flight", "none", "", ", ".join(found) or "none", not found),
     ]
 

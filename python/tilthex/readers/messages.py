@@ -131,20 +131,30 @@ def _fields(message: Any) -> Any:
         }
     if isinstance(message, np.ndarray):
         return message.tolist()
-    if isinstance(message, list):
+    if isinstance(message, Sequence) and not isinstance(message, str | bytes):
         return [_fields(each) for each in message]
     return message
+
+
+def _transforms(message: Any) -> list[Any]:
+    """The transforms of a message that holds nothing else."""
+    alone = isinstance(message, Mapping) and set(message) == {"transforms"}
+    found = message["transforms"] if alone else None
+    if not isinstance(found, list):
+        return []
+    named = all(isinstance(one, Mapping) and "child_frame_id" in one for one in found)
+    return found if named else []
 
 
 def _streams(place: str, messages: Iterable[tuple[int, Any]]) -> list[Stream]:
     """The stream of a topic; of transforms (`/tf`) one for each child frame, with its name at the end."""
     rest = iter(messages)
     first = next(rest, None)
-    if first is None or not isinstance(first[1], Mapping) or set(first[1]) != {"transforms"}:
+    if first is None or not _transforms(first[1]):
         return [_stream(place, rest if first is None else chain([first], rest))]
     frames: dict[str, list[tuple[int, Any]]] = {}
     for time, message in chain([first], rest):
-        for one in message["transforms"]:
+        for one in _transforms(message):
             frames.setdefault(one["child_frame_id"], []).append((time, one))
     return [_stream(f"{place}/{frame}", found) for frame, found in frames.items()]
 

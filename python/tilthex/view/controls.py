@@ -9,7 +9,6 @@ import viser.transforms as vtf
 from numpy.typing import NDArray
 from viser import Icon
 
-from tilthex._toml import tomllib
 from tilthex.view.scene import wxyz
 
 if TYPE_CHECKING:
@@ -103,7 +102,7 @@ class Controls:
             self._moved = False
 
     def _admittance(self) -> None:
-        table = tomllib.loads(self._pilot.config.to_toml())["admittance"]
+        table = self._pilot.config.to_dict()["admittance"]
         for key, ends in LARGEST.items():
             self._six(key, np.asarray(table[key], dtype=float), ends)
 

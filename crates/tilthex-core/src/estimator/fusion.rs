@@ -68,8 +68,8 @@ impl Estimator {
             return;
         }
         let source_changed = self.is_modelled() != quality.is_modelled();
-        let leap = self.leap(last.map_or(0.0, |last| time - last), gyro_i, specific_force_i, quality);
-        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality, leap });
+        let (leap, held) = self.leap(last.map_or(0.0, |last| time - last), gyro_i, specific_force_i, quality);
+        self.samples.push(ImuEntry { time, gyro: *gyro_i, force: *specific_force_i, quality, leap, held });
         self.rest.push(&self.params.rest, time, gyro_i, specific_force_i);
         let dt = last.map_or(0.0, |last| time - last);
         if dt > GAP {
@@ -101,13 +101,19 @@ impl Estimator {
         (p.gyro_matrix_i * gyro_i, p.accelerometer_matrix_i * specific_force_i)
     }
 
-    /// The leap of a sample from the two before it, beyond the usual leaps.
-    fn leap(&mut self, dt: f64, gyro_i: &Vector3, force_i: &Vector3, quality: Quality) -> [Coarse; 2] {
+    /// The leap of a sample from the two before it, beyond the usual leaps, and whether it repeats the one before.
+    fn leap(
+        &mut self,
+        dt: f64,
+        gyro_i: &Vector3,
+        force_i: &Vector3,
+        quality: Quality,
+    ) -> ([Coarse; 2], bool) {
         let before = self.samples.newest_two().filter(|(before, earlier)| {
             let modelled = [quality, before.quality, earlier.quality].iter().any(|q| q.is_modelled());
             !modelled && dt <= GAP
         });
-        before.map_or([Coarse::ZERO; 2], |before| {
+        before.map_or(([Coarse::ZERO; 2], false), |before| {
             self.leaps.excess(before, gyro_i, force_i, &self.params.process, dt)
         })
     }
@@ -258,11 +264,11 @@ impl Estimator {
         match self.samples.get(number).quality {
             Quality::Modelled => Ukf::unchecked(MODEL_NOISE),
             Quality::Measured if length <= GAP => {
-                let leap = self.samples.get(number).leap;
-                if leap == [Coarse::ZERO; 2] {
+                let sample = self.samples.get(number);
+                if sample.leap == [Coarse::ZERO; 2] {
                     self.filter
                 } else {
-                    Ukf::unchecked(roughened(&self.params.process, leap, length))
+                    Ukf::unchecked(roughened(&self.params.process, sample, length))
                 }
             }
             Quality::Measured => Ukf::unchecked(over_gap(length)),

@@ -25,6 +25,8 @@ pub(super) struct ImuEntry {
     pub(super) quality: Quality,
     /// Squares of its leap from the two samples before, beyond the usual (see [`Leaps`](super::leaps::Leaps)).
     pub(super) leap: [Coarse; 2],
+    /// Whether it repeats the sample before: the motion since then was not measured.
+    pub(super) held: bool,
 }
 
 /// Largest acceleration that a sample misses, m/s^2: of a blow, and of flight.
@@ -61,6 +63,7 @@ impl ImuHistory {
                 force: zero,
                 quality: Quality::Measured,
                 leap: [Coarse::ZERO; 2],
+                held: false,
             }; SAMPLES as usize],
             count: 0,
         }

@@ -2,13 +2,15 @@
 //!
 //! If the gyro is wrong (its scale, its range), the rotation of the state drifts from that of every pose in the same
 //! direction. No noise of poses explains this: noises differ from pose to pose. If poses were weighed down for it, the
-//! state would lose them for good. Therefore three poses whose differences have the same direction, while their positions do not
-//! surprise, show an error of the state: its rotation is loosened until the innovation is at the gate.
+//! state would lose them for good. Therefore three poses whose differences have the same direction show an error of the state: its
+//! rotation is loosened until the innovation is at the gate. Their positions must not surprise, or by no more than gravity in the
+//! wrong direction explains. And the vehicle must turn fast enough: the drift of a gyro that is wrong by a share grows with the
+//! rate. Poses of a body that is turned on the vehicle, or of swapped markers, are not the drift of a gyro.
 
 use super::{
     Estimator,
     params::ImuPose,
-    trust::Said,
+    trust::{REFUSALS, Said},
     weighing::{DOUBT, innovation, to_gate, turn},
 };
 use crate::{GRAVITY, ukf::Innovation};
@@ -16,14 +18,16 @@ use libm::sqrt;
 
 /// A larger difference does not come from a drift over three poses, rad.
 const LARGEST: f64 = 0.35;
-/// Variance of a rotation that says nothing, in configured variances.
-const UNKNOWN: f64 = 1e6;
-/// Largest scale of the rotation's variances.
+/// A wrong gyro is off by at most this many times what it reads.
+const WRONG: f64 = 3.0;
+/// What the noise of poses adds to the difference, in deviations.
+const NOISY: f64 = 5.0;
+/// Largest scale of the rotation's variances, of the state and of a pose whose rotation says nothing.
 const MOST: f64 = 1e6;
 
-/// Number of poses that insist together.
-const POSES: f64 = 3.0;
-/// Longest time between poses over which gravity in the wrong direction is allowed for, s.
+/// Number of poses before that must say the same.
+const BEFORE: usize = 2;
+/// Longest time between poses that is allowed for, s.
 const LONGEST: f64 = 0.1;
 
 impl Estimator {
@@ -38,19 +42,32 @@ impl Estimator {
     ) -> bool {
         let (gate, nis, turned) = (self.derived.gate_pose, whole.squared(6), turn(&whole.residual));
         let modelled = self.head.kept_bias.is_some();
-        if modelled || nis <= gate || turned > LARGEST || !self.head.trust.insists(said, self.noises()) {
+        if modelled || nis <= gate || turned > LARGEST {
             return false;
         }
-        // Where samples are missing, another body is as near as the drift of a gyro.
+        // Noise that is larger than configured has the same direction by chance sometimes.
+        let noisy = nis <= gate * self.head.trust.level();
+        let before = if noisy { REFUSALS } else { BEFORE };
+        if !self.head.trust.insists(said, before, self.noises()) {
+            return false;
+        }
+        let time = (before + 1) as f64 * period.min(LONGEST);
+        let (gyro, ..) =
+            self.samples.interval(self.head.next_sample.min(self.samples.end().saturating_sub(1)));
+        if turned > WRONG * gyro.norm() * time + NOISY * self.params.rotation_noise {
+            return false;
+        }
+        // Where samples are missing, poses of another body look like the drift of a gyro.
         let (now, accepted) = (self.head.applied, self.head.trust.accepted);
         let span = DOUBT + (now - accepted).max(0.0);
         if self.samples.doubt(self.head.next_sample, now, span, span).is_some() {
             return false;
         }
-        let alone = self.innovation(measured, (1.0, UNKNOWN));
+        let alone = self.innovation(measured, (1.0, MOST));
         let placed = alone.is_some_and(|alone| alone.squared(6) <= gate);
-        let time = POSES * period.min(LONGEST);
-        if !placed && said.position().norm() > 0.5 * GRAVITY * turned * time * time {
+        // The direction of gravity may have been wrong since somewhat earlier.
+        let wrong = time + DOUBT;
+        if !placed && said.position().norm() > 0.5 * GRAVITY * turned * wrong * wrong {
             return false;
         }
         let noise = self.params.pose_noise(measured, (1.0, 1.0));

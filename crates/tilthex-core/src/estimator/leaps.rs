@@ -30,7 +30,8 @@ pub(super) struct Leaps([f64; 2]);
 impl Leaps {
     pub(super) const NONE: Self = Self([0.0; 2]);
 
-    /// Squares, beyond the usual, of the leap to readings `dt` s after `before`, which came after `earlier`.
+    /// Squares, beyond the usual, of the leap to readings `dt` s after `before`, which came after `earlier`; and whether they
+    /// repeat those before. Then the leap is the one before: how far the motion may have gone on.
     pub(super) fn excess(
         &mut self,
         (before, earlier): (&ImuEntry, &ImuEntry),
@@ -38,15 +39,9 @@ impl Leaps {
         force_i: &Vector3,
         noise: &ProcessNoise,
         dt: f64,
-    ) -> [Coarse; 2] {
-        let repeats =
-            |gyro: &Vector3, force: &Vector3, last: &ImuEntry| *gyro == last.gyro && *force == last.force;
-        if repeats(gyro_i, force_i, before) {
-            let again = repeats(&before.gyro, &before.force, earlier);
-            let share = |missed: f64| if again { 1.0 } else { HELD / missed };
-            let [gyro, force] =
-                [(0, before.leap[0]), (1, before.leap[1])].map(|(i, leap)| leap.get() * share(MISSED[i]));
-            return [Coarse::new(gyro), Coarse::new(force)];
+    ) -> ([Coarse; 2], bool) {
+        if *gyro_i == before.gyro && *force_i == before.force {
+            return (before.leap, true);
         }
         let gyro = gyro_i - 2.0 * before.gyro + earlier.gyro;
         let force = force_i - 2.0 * before.force + earlier.force;
@@ -60,7 +55,7 @@ impl Leaps {
             *out = Coarse::new(square - limit);
             *usual += (dt / MEMORY).min(1.0) * (square.min(limit) - *usual);
         }
-        excess
+        (excess, false)
     }
 }
 
@@ -70,19 +65,26 @@ pub(super) fn is_blow(leap: [Coarse; 2]) -> bool {
     leap.iter().zip(BLOW).any(|(leap, blow)| leap.get() > blow)
 }
 
-/// Variance of the velocity that the readings over an interval of `dt` s miss because of a leap, (m/s)^2.
-pub(super) fn missed_velocity(leap: [Coarse; 2], dt: f64) -> f64 {
-    let [_, force] = leap.map(Coarse::get);
-    MISSED[1] * force * dt * dt
+/// Variances of rate and specific force over the interval before a sample that its readings miss, (rad/s)^2 and (m/s^2)^2.
+fn missed(sample: &ImuEntry) -> [f64; 2] {
+    let [gyro, force] = sample.leap.map(Coarse::get);
+    let [of_gyro, of_force] = if sample.held { [HELD; 2] } else { MISSED };
+    [of_gyro * gyro, of_force * force]
 }
 
-/// The noise over an interval of `dt` s whose later sample has this leap beyond the usual.
-pub(super) fn roughened(noise: &ProcessNoise, leap: [Coarse; 2], dt: f64) -> ProcessNoise {
-    let [gyro, force] = leap.map(Coarse::get);
+/// Variance of the velocity that the readings over an interval of `dt` s miss because of a leap, (m/s)^2.
+pub(super) fn missed_velocity(sample: &ImuEntry, dt: f64) -> f64 {
+    let [_, force] = missed(sample);
+    force * dt * dt
+}
+
+/// The noise over an interval of `dt` s before this sample.
+pub(super) fn roughened(noise: &ProcessNoise, sample: &ImuEntry, dt: f64) -> ProcessNoise {
+    let [gyro, force] = missed(sample);
     let rougher = |density: f64, missed: f64| libm::sqrt(density * density + missed * dt);
     ProcessNoise {
-        gyro: rougher(noise.gyro, MISSED[0] * gyro),
-        accelerometer: rougher(noise.accelerometer, MISSED[1] * force),
+        gyro: rougher(noise.gyro, gyro),
+        accelerometer: rougher(noise.accelerometer, force),
         ..*noise
     }
 }

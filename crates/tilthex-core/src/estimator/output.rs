@@ -136,7 +136,7 @@ impl Estimator {
     #[must_use]
     pub fn missed_velocity(&self, dt: f64) -> Option<f64> {
         let simple = |s: &&ImuEntry| s.quality == Quality::Measured && !is_blow(s.leap);
-        self.samples.newest().filter(simple).map(|s| missed_velocity(s.leap, dt))
+        self.samples.newest().filter(simple).map(|s| missed_velocity(s, dt))
     }
 
     /// The health of the estimate.

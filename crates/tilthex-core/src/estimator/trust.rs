@@ -7,7 +7,7 @@ use libm::sqrt;
 
 /// This many refused poses in a row are judged together, never fewer: one outlier after a loss must not restart the
 /// state.
-const REFUSALS: usize = 5;
+pub(super) const REFUSALS: usize = 5;
 /// Poses that are this many times as noisy as configured contain no information.
 const MOST_NOISE: f64 = 100.0;
 /// The number of applied poses from which the usual innovation follows.
@@ -160,11 +160,15 @@ impl Trust {
         before.is_some_and(|before| said.agrees(before, noises))
     }
 
-    /// Whether the differences of this pose and of the two before it have about the same direction, whether they were surprising
-    /// or not.
-    pub(super) fn insists(&self, said: &Said, noises: (f64, f64)) -> bool {
-        let [.., before, last] = &self.said;
-        said.points_as(last, noises) && last.points_as(before, noises)
+    /// Whether the differences of this pose and of some before it, at most [`REFUSALS`], have about the same direction, one after
+    /// the other, whether they were surprising or not.
+    pub(super) fn insists(&self, said: &Said, before: usize, noises: (f64, f64)) -> bool {
+        let mut later = said;
+        self.said.iter().rev().take(before).all(|earlier| {
+            let same = later.points_as(earlier, noises);
+            later = earlier;
+            same
+        })
     }
 
     /// Whether this pose says the same as those that contradicted the state, and samples have become doubtful only since then.

@@ -88,7 +88,6 @@ impl Estimator {
         let (noises, next) = (self.noises(), self.head.next_sample);
         let doubtful = |since: f64| self.samples.doubt(next, pose.time, DOUBT.min(since), DOUBT).is_some();
         let outcome = if follows {
-            self.head.trust.noise = 1.0;
             self.head.trust.accept(pose.time, 1.0);
             self.head.trust.note(said);
             Outcome::Accepted
@@ -103,7 +102,7 @@ impl Estimator {
         } else {
             self.surprised(pose, &measured, &whole, said, surprise)
         };
-        if matches!(outcome, Outcome::Accepted | Outcome::Weighed) {
+        if !follows && matches!(outcome, Outcome::Accepted | Outcome::Weighed) {
             self.head.trust.remember(surprise);
         }
         self.stale |= outcome != Outcome::Rejected;
