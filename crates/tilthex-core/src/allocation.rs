@@ -159,11 +159,7 @@ impl Allocator {
     }
 
     fn build(vehicle: &Vehicle, params: AllocatorParams) -> Self {
-        let (mut min_speed, mut max_speed) = (RotorVector::zeros(), RotorVector::zeros());
-        for (i, rotor) in vehicle.rotors().iter().enumerate() {
-            min_speed[i] = rotor.min_speed;
-            max_speed[i] = rotor.max_speed;
-        }
+        let (min_speed, max_speed) = vehicle.speed_limits();
         let mut allocator = Self {
             matrix: *vehicle.allocation(),
             inverse: *vehicle.allocation_inverse(),

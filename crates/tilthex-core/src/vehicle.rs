@@ -187,6 +187,16 @@ impl Vehicle {
         self.rotors.get(..self.rotor_count).unwrap_or(&self.rotors)
     }
 
+    /// Smallest and largest speeds of the rotors, Hz.
+    #[must_use]
+    pub fn speed_limits(&self) -> (RotorVector, RotorVector) {
+        let (mut min, mut max) = (RotorVector::zeros(), RotorVector::zeros());
+        for ((min, max), rotor) in min.iter_mut().zip(&mut max).zip(self.rotors()) {
+            (*min, *max) = (rotor.min_speed, rotor.max_speed);
+        }
+        (min, max)
+    }
+
     /// Number of rotors.
     #[must_use]
     pub fn rotor_count(&self) -> usize {

@@ -163,6 +163,29 @@ fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
     none_fails(&[(2040586, &[frozen, zero]), (1993097, &[early, long])]);
 }
 
+/// A torque that a blow makes, or that an IMU feigns by freezing in a turn, does not last: the model that replaces the IMU goes on
+/// without it, and the vehicle lands on its feet.
+#[test]
+fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
+    let world = hovering();
+    for arm in 0..6 {
+        for after in [0.03, 0.09, 0.15, 0.21] {
+            let blow = fault(Kind::PushOnArm, 1.0, 0.18, 0.5, arm);
+            let frozen = fault(Kind::ImuFrozen, 1.0 + after, 1.0, 0.5, 0);
+            let outcome = campaign::fly(world.clone(), vec![blow, frozen], 11);
+            assert_eq!(outcome.failure, None, "{arm} {after}: {outcome:?}");
+            assert!(outcome.ended && !outcome.toppled, "{arm} {after}: {outcome:?}");
+        }
+    }
+    let caught = fault(Kind::ImuFrozen, 1.416055248560844, 1.293565639464017, 0.18295884032742227, 13);
+    let blow = fault(Kind::PushOnArm, 1.32788698616188, 0.18277540236589693, 0.5510703844157652, 2);
+    let early = fault(Kind::ImuFrozen, 1.4954400413526174, 1.216689602108047, 0.5211663999078567, 20);
+    let long = fault(Kind::PushOnArm, 1.11249360268513, 0.5521942951615554, 0.7894736637065416, 13);
+    let hidden = fault(Kind::ImuFrozen, 1.9295447501616456, 2.0978683268215588, 0.8536802961328909, 21);
+    let unfelt = fault(Kind::PushOnArm, 2.865134591044849, 0.1124408624703631, 0.5587939585010256, 32);
+    none_fails(&[(2080271, &[caught, blow]), (3000173, &[early, long]), (3000203, &[hidden, unfelt])]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

@@ -47,11 +47,7 @@ impl ForceSection {
     /// for torques and disturbances.
     #[must_use]
     pub fn new(vehicle: &Vehicle, reserve: f64) -> Self {
-        let (mut min, mut max) = (RotorVector::zeros(), RotorVector::zeros());
-        for (i, rotor) in vehicle.rotors().iter().enumerate() {
-            min[i] = rotor.min_speed;
-            max[i] = rotor.max_speed;
-        }
+        let (min, max) = vehicle.speed_limits();
         let (lower, upper) = (inputs(&min), inputs(&max));
         let kept = (upper - lower) * reserve;
         let (lower, upper) = (lower + kept, upper - kept);

@@ -14,6 +14,7 @@ mod fence;
 mod forced_descent;
 mod guidance;
 mod gyro_doubt;
+mod imu_model;
 mod io;
 mod landing;
 mod late;
@@ -57,6 +58,7 @@ use bounds::Bounds;
 use capture::CaptureWatch;
 use capture_clock::CaptureClock;
 use guidance::Guidance;
+use imu_model::ImuModel;
 use landing::{FREE, Landing, Lift};
 use late::Pending;
 use lift_off::LiftOff;
@@ -130,6 +132,7 @@ pub struct Flight {
     watch: Watch,
     supervisor: Supervisor,
     rotor_model: RotorModel,
+    imu_model: ImuModel,
     min_speeds: RotorVector,
     max_speeds: RotorVector,
     command: RotorVector,
@@ -169,11 +172,7 @@ impl Flight {
     /// The first parameter that a block refuses.
     pub fn new(params: FlightParams, route: Option<Route>) -> Result<Self, Error> {
         let vehicle = params.vehicle;
-        let (mut min_speeds, mut max_speeds) = (RotorVector::zeros(), RotorVector::zeros());
-        for (i, rotor) in vehicle.rotors().iter().enumerate() {
-            min_speeds[i] = rotor.min_speed;
-            max_speeds[i] = rotor.max_speed;
-        }
+        let (min_speeds, max_speeds) = vehicle.speed_limits();
         check_range("rotor_speed_age", params.rotor_speed_age, 0.0, LARGEST_ROTOR_SPEED_AGE)?;
         let controller = Controller::new(vehicle, params.controller)?;
         Ok(Self {
@@ -192,6 +191,7 @@ impl Flight {
             watch: Watch::new(params.watch),
             supervisor: Supervisor::default(),
             rotor_model: RotorModel::new(&vehicle, params.rotor_speed_age),
+            imu_model: ImuModel::default(),
             min_speeds,
             max_speeds,
             command: RotorVector::zeros(),

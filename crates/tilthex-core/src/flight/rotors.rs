@@ -1,13 +1,12 @@
-//! The expected readings of rotors and IMU: a model that checks the
-//! measurements, and replaces those that are missing.
+//! The expected speeds of the rotors: a model that checks the measurements, and replaces those that are missing.
 
 use super::Motor;
 use crate::{
     Vehicle,
     filters::lag_fraction,
-    plant::{ImuSample, Past},
+    plant::Past,
     supervisor::limits::{MOTORS_FRESH, STOPPED, VEHICLE_WATCHDOG, WRONG_SPEED},
-    types::{RobotState, RotorVector, Vector3, Wrench},
+    types::RotorVector,
 };
 use libm::fabs;
 
@@ -43,10 +42,7 @@ impl RotorModel {
     pub(super) fn new(vehicle: &Vehicle, age: f64) -> Self {
         let constant = vehicle.rotor_time_constant();
         let zero = RotorVector::zeros();
-        let mut lowest = zero;
-        for (slot, rotor) in lowest.iter_mut().zip(vehicle.rotors()) {
-            *slot = rotor.min_speed;
-        }
+        let (lowest, _) = vehicle.speed_limits();
         let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
         Self {
             rate,
@@ -182,26 +178,4 @@ impl RotorModel {
             if self.is_measured(motor, now) && is(motor.speed, expected * gain) { set | 1 << i } else { set }
         })
     }
-}
-
-/// The inertial sample that the model predicts after `dt` from the last
-/// estimate, rotor speeds and observed wrench, without biases.
-#[must_use]
-pub(super) fn modelled_imu(
-    vehicle: &Vehicle,
-    state: &RobotState,
-    rotor_speeds: &RotorVector,
-    external: &Wrench,
-    dt: f64,
-) -> ImuSample {
-    let actuation = vehicle.body_wrench(rotor_speeds);
-    let omega = state.angular_velocity_r;
-    let torque = actuation.torque + external.torque - omega.cross(&(vehicle.inertia() * omega));
-    let alpha = vehicle.inertia_inverse() * torque;
-    let omega = omega + alpha * dt;
-    let force = actuation.force + state.rotation_wr.transpose() * external.force;
-    let imu = vehicle.imu();
-    let lever: Vector3 = alpha.cross(&imu.position_r) + omega.cross(&omega.cross(&imu.position_r));
-    let to_imu = imu.rotation_r.transpose();
-    ImuSample { gyro_i: to_imu * omega, specific_force_i: to_imu * (force / vehicle.mass() + lever) }
 }

@@ -5,7 +5,6 @@ use super::{
     capture::{Contradiction, Verdict},
     gyro_doubt::BIAS,
     io::{MAX_POSES, Measured},
-    rotors::modelled_imu,
 };
 use crate::{
     admittance::AdmittanceState,
@@ -53,10 +52,13 @@ impl Flight {
             self.capture.struck();
         }
         let late = inertial.age(input.time) > IMU_LATE;
+        let external = self.control.observer.wrench;
+        if !modelled {
+            self.imu_model.feel(&external.torque, dt);
+        }
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
             let state = self.estimator.robot_state();
-            let external = self.control.observer.wrench;
-            let model = modelled_imu(&self.params.vehicle, &state, rotor_speeds, &external, dt);
+            let model = self.imu_model.sample(&self.params.vehicle, &state, rotor_speeds, &external, dt);
             let gyro_i = model.gyro_i + self.estimator.gyro_bias();
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
             // Readings that have just left their range are an impact, until this lasts.
