@@ -66,7 +66,7 @@ def checks(attempts: Sequence[Attempt], run: Run) -> list[Check]:
     ranges = run.random
     (lowest, highest), (smooth, rough) = ranges["tilt_deg"], ranges["friction"]
     what = f"inserted and withdrawn, tilt {lowest:g} to {highest:g} deg, friction {smooth:g} to {rough:g}"
-    required = highest <= 20.0 and rough <= 0.3
+    required = highest <= 28.0 and rough <= 0.45
     force = max(found.result.largest_force for found in attempts)
     shaking = max(found.result.shaking for found in attempts)
     return [
