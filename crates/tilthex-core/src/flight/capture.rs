@@ -4,7 +4,7 @@
 //! Such poses agree with each other, and an estimator that follows them sees no contradiction until the vehicle is
 //! fast. Therefore the motion of the last second is computed from the IMU alone, with biases that hardly follow the poses.
 
-use super::gyro_doubt::{BIAS, GyroDoubt};
+use super::gyro_doubt::{BIAS, GyroDoubt, LEAST};
 use crate::{
     Wrench,
     estimator::Estimator,
@@ -292,7 +292,9 @@ impl CaptureWatch {
     /// of the poses.
     fn gyro_is_off(&self, state: &Navigation, apart_i: &Vector3) -> bool {
         let learnt = self.rest.map_or(0.0, |rest| (state.gyro_bias_i - rest.gyro_bias_i).norm());
-        learnt > BIAS.0 || self.doubt.explains(apart_i)
+        // A bias that has changed once may change back, also just after a blow that hides it.
+        let again = self.stepped && (LEAST..BIAS.1 * CAPTURE_WINDOW).contains(&apart_i.norm());
+        learnt > BIAS.0 || again || self.doubt.explains(apart_i)
     }
 
     /// The vehicle takes off from rest: its first motion is computed in one window.

@@ -15,7 +15,7 @@ pub(super) const BIAS: (f64, f64) = (0.03, 0.35);
 /// The angle between gyro and poses is at most this time, s, multiplied by the change of the bias.
 const LONGEST: f64 = 10.0;
 /// A smaller angle than this between gyro and poses, rad, is not used.
-const LEAST: f64 = 0.01;
+pub(super) const LEAST: f64 = 0.01;
 /// A component that is less than this part of the angle is not used.
 const MINOR: f64 = 0.4;
 
