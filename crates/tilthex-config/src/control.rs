@@ -98,8 +98,11 @@ section! {
     pub ContactSection as "contact" {
         /// Whether the drag of a wind is separated from contact. If not, the whole observed wrench moves the tool.
         discrimination: bool = false,
-        /// Drag of the rotors in the model: force against the airspeed in a rotor's disc, per Hz of its speed.
-        rotor_drag: f64 = 0.0 => "N s/m per Hz" from 0.0 to 1.0,
+        /// Drag of the rotors in the model: force against the airspeed in a rotor's disc, per Hz of its speed. If it is not set, that
+        /// of [vehicle].
+        rotor_drag: Option<f64> = None => "N s/m per Hz" from 0.0 to 1.0,
+        /// Flapping of the rotors in the model: torque that lifts the leading edge of a rotor's disc. If it is not set, that of [vehicle].
+        flapping: Option<f64> = None => "N m s/m per Hz" from -1.0 to 1.0,
         /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2" from 0.0 to 10.0,
         /// Point at which that force acts, from the centre of mass, robot frame.
@@ -210,11 +213,14 @@ impl AdmittanceSection {
 }
 
 impl ContactSection {
-    /// With the gains of the observer whose wrench is looked at.
-    fn params(&self, observer: &ObserverGains) -> ContactParams {
+    /// With the gains of the observer whose wrench is looked at, and the drag of the vehicle's rotors.
+    fn params(&self, observer: &ObserverGains, rotors: RotorDrag) -> ContactParams {
         ContactParams {
             discrimination: self.discrimination,
-            rotor_drag: RotorDrag { drag: self.rotor_drag, flapping: 0.0 },
+            rotor_drag: RotorDrag {
+                drag: self.rotor_drag.unwrap_or(rotors.drag),
+                flapping: self.flapping.unwrap_or(rotors.flapping),
+            },
             body_drag: BodyDrag {
                 area_r: self.drag_area.vector(),
                 centre_r: self.centre_of_pressure.vector(),
@@ -302,6 +308,7 @@ fn default_params() -> Result<ControllerParams, ConfigError> {
         contact: &ContactSection::default(),
         allocation: &AllocationSection::default(),
         attitude: &AttitudeSection::default(),
+        rotor_drag: RotorDrag::default(),
     }
     .params()
 }
@@ -314,6 +321,8 @@ pub(super) struct ControllerSections<'a> {
     pub(super) contact: &'a ContactSection,
     pub(super) allocation: &'a AllocationSection,
     pub(super) attitude: &'a AttitudeSection,
+    /// That of the vehicle.
+    pub(super) rotor_drag: RotorDrag,
 }
 
 impl ControllerSections<'_> {
@@ -326,7 +335,7 @@ impl ControllerSections<'_> {
             torque_dead_zone: self.admittance.torque_dead_zone,
             low_pass_hz: self.admittance.low_pass_hz,
             room_torque: self.admittance.room_torque,
-            contact: self.contact.params(&self.observer.gains()),
+            contact: self.contact.params(&self.observer.gains(), self.rotor_drag),
             free_wrench: self.admittance.free_wrench(),
             bounds: self.admittance.bounds(),
             allocation: self.allocation.params()?,

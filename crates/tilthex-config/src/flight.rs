@@ -116,6 +116,7 @@ impl LinkSection {
             throttle: ThrottleMap {
                 coefficients: self.throttle.0,
                 voltage: self.throttle_voltage,
+                exponent: self.throttle_exponent,
                 correction: self.throttle_correction,
             },
         })

@@ -164,6 +164,7 @@ impl Config {
             contact: &contact,
             allocation: &allocation,
             attitude: &attitude,
+            rotor_drag: vehicle.rotor_drag(),
         }
         .checked(vehicle.vehicle())?;
         let config = Self {

@@ -30,11 +30,14 @@ section! {
         /// One count of the gyroscope; 0 for the known value of the board.
         gyro_scale: f64 = 0.0 => "rad/s" from 0.0 to 1.0,
         /// With "px4": c0, c1 and c2 of throttle = c0 + c1 x + c2 x^2. The throttle is from 0 to 1; x is the rotor's speed (Hz)
-        /// times throttle_voltage, divided by the battery's voltage. All 0: not known, and the vehicle cannot fly.
+        /// times (throttle_voltage / battery voltage)^throttle_exponent. All 0: not known, and the vehicle cannot fly.
         throttle: Axes<3> = Axes([0.0; 3]) => "1, 1/Hz, 1/Hz^2",
         /// Battery voltage at which throttle was measured; 0 if the battery does not change the speed at a throttle (motor
         /// controllers that regulate the speed). Then x is the speed.
         throttle_voltage: f64 = 0.0 => "V" from 0.0 to 1000.0,
+        /// Power of the battery's voltage with which the speed at a throttle grows; `tilthex fit` finds it in a log. 1: the speed is
+        /// proportional to the voltage.
+        throttle_exponent: f64 = 1.0 => "1" from 0.0 to 3.0,
         /// Rate at which the measured speeds correct the throttles; 0 for no correction.
         throttle_correction: f64 = 2.0 => "1/s" from 0.0 to 20.0,
     }

@@ -147,3 +147,27 @@ proptest! {
         let _ = read(&text);
     }
 }
+
+#[test]
+fn drag_of_the_rotors_is_that_of_the_vehicle_unless_contact_has_its_own() {
+    let vehicle = "[vehicle]\npreset = \"tilt-hex\"\nrotor_drag = 2e-4\nflapping = -3e-7\n";
+    let drag = |text: &str| {
+        let config = Config::from_text(&format!("{vehicle}{text}"), Path::new("")).unwrap();
+        let again = Config::from_text(&config.to_toml(), Path::new("")).unwrap();
+        assert_eq!(config, again);
+        let found = config.controller().contact.rotor_drag;
+        (found.drag, found.flapping)
+    };
+    assert_eq!(drag(""), (2e-4, -3e-7));
+    assert_eq!(drag("[contact]\nrotor_drag = 0.0\n"), (0.0, -3e-7));
+    assert_eq!(drag("[contact]\nflapping = 1e-6\n"), (2e-4, 1e-6));
+    // A change of the vehicle reaches the observer.
+    let config = Config::from_text(vehicle, Path::new("")).unwrap();
+    let changed = config.overlaid("vehicle.rotor_drag = 4e-4".parse().unwrap()).unwrap();
+    assert_eq!(changed.controller().contact.rotor_drag.drag, 4e-4);
+    let refused = Config::from_text(&vehicle.replace("2e-4", "-2e-4"), Path::new("")).unwrap_err();
+    assert!(
+        refused.to_string().contains("rotor_drag is -0.0002; expected a number from 0 to 1"),
+        "{refused}"
+    );
+}

@@ -7,7 +7,9 @@ use super::{
 };
 use std::path::{Path, PathBuf};
 use tilthex_core::{
-    Rotor, Vehicle, so3,
+    Rotor, Vehicle,
+    plant::RotorDrag,
+    so3,
     vehicle::{Mounting, TiltedHexarotor},
 };
 use toml::{Table, Value};
@@ -37,6 +39,10 @@ section! {
         inertia: Square<3> = Square::diagonal([f64::NAN; 3]) => "kg m^2",
         /// Time constant of the rotor speed's first-order lag.
         rotor_time_constant: f64 = 0.0 => "s" from 0.0 to 1.0,
+        /// Drag of the rotors: force against the airspeed in a rotor's disc, per Hz of its speed.
+        rotor_drag: f64 = 0.0 => "N s/m per Hz" from 0.0 to 1.0,
+        /// Flapping of the rotors: torque that lifts the leading edge of a rotor's disc, by the airspeed in it and per Hz of its speed.
+        flapping: f64 = 0.0 => "N m s/m per Hz" from -1.0 to 1.0,
         /// Tool tip from the centre of mass, robot frame.
         tool_position: Axes<3> = Axes([0.0; 3]) => "m",
         /// Tool frame in the robot frame: roll, pitch, yaw (Rz(yaw) Ry(pitch) Rx(roll)); z points from the tip along the rod.
@@ -140,6 +146,12 @@ impl VehicleSection {
         &self.vehicle
     }
 
+    /// Drag and flapping of its rotors.
+    #[must_use]
+    pub fn rotor_drag(&self) -> RotorDrag {
+        RotorDrag { drag: self.body.rotor_drag, flapping: self.body.flapping }
+    }
+
     /// Reads the section. A relative path in `file` begins at `folder`.
     ///
     /// # Errors
@@ -189,7 +201,7 @@ impl VehicleSection {
 
     /// Describes an existing vehicle, each rotor by itself.
     #[must_use]
-    pub fn of(name: &str, vehicle: Vehicle) -> Self {
+    pub fn of(name: &str, vehicle: Vehicle, rotor_drag: RotorDrag) -> Self {
         let angles = |m: &Mounting| Axes(yaw_pitch_roll(&m.rotation_r).map(f64::to_degrees));
         let (tool, imu) = (vehicle.tool(), vehicle.imu());
         let body = Body {
@@ -197,6 +209,8 @@ impl VehicleSection {
             mass: vehicle.mass(),
             inertia: Square(*vehicle.inertia()),
             rotor_time_constant: vehicle.rotor_time_constant(),
+            rotor_drag: rotor_drag.drag,
+            flapping: rotor_drag.flapping,
             tool_position: Axes(tool.position_r.into()),
             tool_rotation_deg: angles(tool),
             imu_position: Axes(imu.position_r.into()),

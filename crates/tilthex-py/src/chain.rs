@@ -198,7 +198,7 @@ impl Loop {
             return Vehicle { section: self.configured.clone() };
         }
         let name = format!("{}, calibrated", self.configured.name());
-        Vehicle { section: VehicleSection::of(&name, *self.flight.model()) }
+        Vehicle { section: VehicleSection::of(&name, *self.flight.model(), self.configured.rotor_drag()) }
     }
 
     /// Standard deviations of the remaining errors of the model: `mass`, `thrust` (n,) and `drag_moment` as fractions

@@ -53,6 +53,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<truth::Truth>()?;
     module.add_function(wrap_pyfunction!(trajectory::calibration_flight, module)?)?;
     module.add_function(wrap_pyfunction!(recording::read_imu, module)?)?;
+    module.add_function(wrap_pyfunction!(recording::read_throttles, module)?)?;
     module.add_function(wrap_pyfunction!(units::question_units, module)?)?;
     module.add_function(wrap_pyfunction!(units::question_poses_of, module)?)?;
     module.add_class::<ukf::Ukf>()?;

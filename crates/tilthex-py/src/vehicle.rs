@@ -176,6 +176,18 @@ impl Vehicle {
         self.core().rotor_time_constant()
     }
 
+    /// Drag of the rotors: force against the airspeed in a rotor's disc, N s/m per Hz of its speed.
+    #[getter]
+    fn rotor_drag(&self) -> f64 {
+        self.section.rotor_drag().drag
+    }
+
+    /// Flapping of the rotors: torque that lifts the leading edge of a rotor's disc, N m s/m per Hz of its speed.
+    #[getter]
+    fn flapping(&self) -> f64 {
+        self.section.rotor_drag().flapping
+    }
+
     /// Rotor speeds, Hz, (n,), that hold the vehicle still at an orientation
     /// `R_WR` without contact, before any limit.
     #[pyo3(signature = (rotation=None))]

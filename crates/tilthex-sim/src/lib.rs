@@ -40,6 +40,8 @@ pub struct SimulationParams {
     pub sensors: SensorParams,
     /// Its flight board.
     pub firmware: FirmwareParams,
+    /// The exponent of the throttles of a board with PX4; `None` for that of the link.
+    pub throttle_exponent: Option<f64>,
     /// Pushes on its tool.
     pub pushes: Pushes,
     /// Seed of the noise.
@@ -54,6 +56,7 @@ impl SimulationParams {
             plant: Plant::new(vehicle),
             sensors: SensorParams::EXPERIMENTS,
             firmware: FirmwareParams::default(),
+            throttle_exponent: None,
             pushes: Pushes::default(),
             seed: 1,
         }
@@ -67,7 +70,9 @@ impl SimulationParams {
         let plant = drawn.plant().map_err(|e| SimError::refused(e.to_string()))?;
         let sensors = drawn.sensors(&SensorParams::EXPERIMENTS);
         let firmware = FirmwareParams { battery: drawn.effects.battery, ..FirmwareParams::default() };
-        Ok(Self { plant, sensors, firmware, seed: drawn.seed, ..Self::new(*plant.vehicle()) })
+        let throttle_exponent = drawn.throttle_exponent();
+        let seed = drawn.seed;
+        Ok(Self { plant, sensors, firmware, throttle_exponent, seed, ..Self::new(*plant.vehicle()) })
     }
 }
 

@@ -7,6 +7,7 @@ use tilthex_config::Config;
 use tilthex_core::{
     PoseSample,
     flight::{HostFacts, MotorCommand, Record},
+    plant::Battery,
     supervisor::{Fault, Phase},
 };
 use tilthex_link::{
@@ -42,7 +43,11 @@ struct World {
 
 impl World {
     fn new(pushes: Vec<Push>, change: impl FnOnce(&mut ClientParams)) -> Self {
-        let params = Config::from_text(MAP, Path::new("")).unwrap().linked_params(true).unwrap();
+        Self::with(MAP, pushes, change)
+    }
+
+    fn with(config: &str, pushes: Vec<Push>, change: impl FnOnce(&mut ClientParams)) -> Self {
+        let params = Config::from_text(config, Path::new("")).unwrap().linked_params(true).unwrap();
         let mut simulated = SimulationParams::new(params.flight.vehicle);
         simulated.pushes = Pushes::new(pushes);
         let (battery, throttle) = (simulated.firmware.battery, params.link.throttle);
@@ -134,6 +139,25 @@ fn throttles_that_are_wrong_are_corrected_by_the_measured_speeds() {
     let MotorCommand::Turn(commanded) = world.out.commanded.motors else { panic!("it flies") };
     let off = (truth - commanded).amax();
     assert!(off < 1.5, "{off} {truth} {commanded}");
+}
+
+#[test]
+fn throttles_of_an_empty_battery_follow_the_exponent_of_the_link() {
+    // Nothing corrects the throttles, and the voltage is far from that of the map.
+    let off = |ours: f64, theirs: f64| {
+        let text = format!("{MAP}throttle_correction = 0.0\nthrottle_exponent = {ours}\n");
+        let mut world = World::with(&text, vec![], |board| {
+            board.throttle.exponent = theirs;
+            board.battery = Battery::new(5.0, 0.2);
+        });
+        world.flies();
+        let truth = world.simulation.truth().rotor_speeds;
+        let MotorCommand::Turn(commanded) = world.out.commanded.motors else { panic!("it flies") };
+        (truth - commanded).sum() / commanded.sum()
+    };
+    let (equal, other) = (off(0.5, 0.5), off(1.0, 0.5));
+    assert!(equal.abs() < 0.005, "{equal}");
+    assert!(other > 0.02, "{other}");
 }
 
 #[test]

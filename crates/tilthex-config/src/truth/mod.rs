@@ -200,10 +200,13 @@ impl TruthSection {
         let base = if keys.is_empty() { model.clone() } else { model.overlaid(keys)? };
         let (vehicle, centre_of_mass_r) =
             draw::vehicle(&self.errors, base.vehicle(), seed).map_err(|e| self.refused(seed, e))?;
-        let effects = effects(&aerodynamics, &structure);
+        let effects = effects(&aerodynamics, &structure, base.rotor_drag());
         effects.check().map_err(|e| self.refused(seed, e))?;
-        let vehicle =
-            if vehicle == *base.vehicle() { base } else { VehicleSection::of(model.name(), vehicle) };
+        let vehicle = if vehicle == *base.vehicle() {
+            base
+        } else {
+            VehicleSection::of(model.name(), vehicle, base.rotor_drag())
+        };
         let drawn = TrueVehicle {
             seed,
             vehicle,
@@ -276,6 +279,12 @@ impl TrueVehicle {
         }
     }
 
+    /// The power of the battery's voltage with which the speed at a throttle grows; `None` for that of the link.
+    #[must_use]
+    pub fn throttle_exponent(&self) -> Option<f64> {
+        self.structure.throttle_exponent
+    }
+
     /// The drawn values as TOML: the vehicle and every section, each key with its meaning and unit.
     #[must_use]
     pub fn to_toml(&self) -> String {
@@ -289,7 +298,7 @@ impl TrueVehicle {
     }
 }
 
-fn effects(a: &AerodynamicsSection, s: &StructureSection) -> Effects {
+fn effects(a: &AerodynamicsSection, s: &StructureSection, rotors: RotorDrag) -> Effects {
     let direction = |degrees: f64| so3::rot_z(degrees.to_radians()) * Vector3::x();
     let ground = a.ground.map(|height| Surface { normal_w: Vector3::z(), offset: height });
     // The normal of the wall points towards the vehicle.
@@ -303,7 +312,10 @@ fn effects(a: &AerodynamicsSection, s: &StructureSection) -> Effects {
             gust_length: a.gust_length,
             begin: a.wind_begin,
         },
-        rotor_drag: RotorDrag { drag: a.rotor_drag, flapping: a.flapping },
+        rotor_drag: RotorDrag {
+            drag: a.rotor_drag.unwrap_or(rotors.drag),
+            flapping: a.flapping.unwrap_or(rotors.flapping),
+        },
         body_drag: BodyDrag { area_r: a.drag_area.vector(), centre_r: a.centre_of_pressure.vector() },
         rotor_radius: a.rotor_radius,
         surfaces: [ground, wall],

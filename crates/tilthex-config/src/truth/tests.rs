@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::PRESETS;
-use tilthex_core::{Vehicle, vehicle::Rotor};
+use tilthex_core::{Vehicle, plant::RotorDrag, vehicle::Rotor};
 
 fn model() -> VehicleSection {
     VehicleSection::preset("tilt-hex").unwrap()
@@ -144,6 +144,24 @@ fn keys_of_the_vehicle_and_distributions_over_levels() {
 }
 
 #[test]
+fn the_drag_of_the_rotors_is_that_of_the_vehicle_unless_the_truth_has_its_own() {
+    let keys = "rotor_drag = 2e-4\nflapping = 3e-7".parse().unwrap();
+    let model = model().overlaid(keys).unwrap();
+    let drag = |text: &str| truth(text).unwrap().draw(&model, 4).unwrap();
+    let of = |drawn: TrueVehicle| (drawn.effects.rotor_drag.drag, drawn.effects.rotor_drag.flapping);
+    assert_eq!(of(drag("")), (2e-4, 3e-7));
+    // Another vehicle than the model's keeps them too.
+    let cad = drag("level = 'cad'");
+    assert_ne!(cad.vehicle, model);
+    assert_eq!(cad.vehicle.rotor_drag(), model.rotor_drag());
+    assert_eq!(of(cad), (2e-4, 3e-7));
+    assert_eq!(of(drag("[aerodynamics]\nrotor_drag = 0.0")), (0.0, 3e-7));
+    assert_eq!(of(drag("[vehicle]\nflapping = 0.0")), (2e-4, 0.0));
+    assert_eq!(drag("").throttle_exponent(), None);
+    assert_eq!(drag("[structure]\nthrottle_exponent = 0.7").throttle_exponent(), Some(0.7));
+}
+
+#[test]
 fn the_wall_is_where_its_direction_says() {
     let drawn =
         truth("[aerodynamics]\nwall = 2.0\nwall_direction_deg = 90\nrotor_radius = 0.1\nground = 0.5")
@@ -164,12 +182,13 @@ fn a_vehicle_that_is_there_prints_and_reads_as_itself() {
         let angle = 0.3 * seed as f64 - 3.0;
         let rotation_r = so3::rot_z(angle) * so3::rot_y(0.5 * angle) * so3::rot_x(1.0 - angle);
         turned = turned.with_tool(tilthex_core::vehicle::Mounting { rotation_r, ..*turned.tool() }).unwrap();
-        let section = VehicleSection::of("own", turned);
+        let section = VehicleSection::of("own", turned, RotorDrag { drag: 2e-4, flapping: -3e-7 });
         let text = section.to_toml();
         let table = text.parse::<Table>().unwrap().remove("vehicle").unwrap();
         let again = VehicleSection::from_table(table.as_table().unwrap().clone(), Path::new("")).unwrap();
         assert_eq!(again.vehicle().rotors(), turned.rotors());
         assert_eq!(again.vehicle().mass(), turned.mass());
+        assert_eq!(again.rotor_drag(), section.rotor_drag());
         assert!((again.vehicle().tool().rotation_r - rotation_r).amax() < 1e-12);
         assert_eq!(again.vehicle().tool().position_r, turned.tool().position_r);
     }

@@ -16,14 +16,16 @@ const MOST: f64 = 20.0;
 /// Longest time between two commands that the correction uses, s. A longer one is cut to this.
 const LONGEST: f64 = 0.02;
 
-/// The throttle for a rotor's speed: `c0 + c1 x + c2 x^2`, where `x` is the speed (Hz) times `voltage`, divided by the
-/// battery's voltage.
+/// The throttle for a rotor's speed: `c0 + c1 x + c2 x^2`, where `x` is the speed (Hz) times `(voltage / battery)^exponent`,
+/// with the battery's voltage.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ThrottleMap {
     /// `c0` to `c2`, in 1, 1/Hz and 1/Hz^2. All are 0 if the map is not known.
     pub coefficients: [f64; 3],
     /// Battery voltage at which the map was measured, V; 0 if the speed at a throttle does not depend on the battery.
     pub voltage: f64,
+    /// Power of the voltage with which the speed at a throttle grows; 1 if the speed is proportional to the voltage.
+    pub exponent: f64,
     /// Rate at which the measured speeds correct the throttles, 1/s; 0 for no correction.
     pub correction: f64,
 }
@@ -34,7 +36,7 @@ impl ThrottleMap {
     pub fn throttle(&self, speed: f64, battery: Option<f64>) -> (f64, bool) {
         let [c0, c1, c2] = self.coefficients;
         let scale = battery.filter(|volts| self.voltage > 0.0 && *volts > 0.5 * self.voltage);
-        let x = speed * scale.map_or(1.0, |volts| self.voltage / volts);
+        let x = speed * scale.map_or(1.0, |volts| libm::pow(self.voltage / volts, self.exponent));
         let throttle = c0 + x * (c1 + x * c2);
         // NaN would stop the motor.
         let finite = if throttle.is_nan() { 0.0 } else { throttle };
@@ -48,6 +50,7 @@ impl ThrottleMap {
             check_range("throttle", coefficient, -10.0, 10.0)?;
         }
         check_range("throttle_voltage (V)", self.voltage, 0.0, 1000.0)?;
+        check_range("throttle_exponent", self.exponent, 0.0, 3.0)?;
         check_range("throttle_correction (1/s)", self.correction, 0.0, 20.0)
     }
 }

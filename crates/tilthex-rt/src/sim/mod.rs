@@ -17,12 +17,15 @@ pub use hand::Hand;
 pub use server::{Observer, Report, Server};
 pub use world::World;
 
-/// The flight board of the simulated vehicle: that of the configured link.
+/// The flight board of the simulated vehicle: that of the configured link, with its throttles unless the truth has other
+/// ones.
 ///
 /// # Errors
 /// If the configuration has no valid link.
 pub fn board(config: &Config, params: &SimulationParams) -> Result<LinkBoard, Failure> {
     let linked = config.linked_params(false)?;
-    let board = BoardParams { battery: params.firmware.battery, link: linked.link };
+    let mut link = linked.link;
+    link.throttle.exponent = params.throttle_exponent.unwrap_or(link.throttle.exponent);
+    let board = BoardParams { battery: params.firmware.battery, link };
     Ok(LinkBoard::new(linked.kind, params.plant.vehicle(), board))
 }

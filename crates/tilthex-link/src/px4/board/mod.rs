@@ -180,7 +180,8 @@ impl Client {
         } else {
             (libm::sqrt((c1 * c1 + 4.0 * c2 * wanted).max(0.0)) - c1) / (2.0 * c2)
         };
-        x * self.battery.speed_part(self.params.throttle.voltage)
+        let ThrottleMap { voltage, exponent, .. } = self.params.throttle;
+        x * libm::pow(self.battery.speed_part(voltage), exponent)
     }
 
     fn driven(&self, motor: usize) -> f64 {
