@@ -38,7 +38,7 @@ def truth(seed: int) -> dict[str, float]:
     found |= {f"centre of mass {a}": float(centre[k]) for k, a in enumerate("xyz")}
     for name, i, j in (("xx", 0, 0), ("yy", 1, 1), ("zz", 2, 2), ("xy", 0, 1), ("xz", 0, 2), ("yz", 1, 2)):
         found[f"inertia {name}"] = float(vehicle.inertia[i, j])
-    found |= {"rotor drag": 0.0, "age of rotor speeds": 0.0}
+    found |= {"rotor drag": 0.0, "flapping torque": 0.0, "age of rotor speeds": 0.0}
     return found | {"rotor lag": vehicle.rotor_time_constant, "dead time": 0.0}
 
 

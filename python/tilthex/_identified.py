@@ -28,12 +28,14 @@ PRIOR = {
     "inertia_product": 0.05,
     "accelerometer_bias": 0.1,
     "rotor_drag": 3e-4,
+    "flapping": 5e-6,
     "speed_age": 0.003,
     "rotor_lag": 0.3,
     "dead_time": 0.005,
+    "throttle_exponent": 0.5,
 }
 """Standard deviations before a flight: fractions, rad, m, fractions of the inertia, m/s^2, N s/m per Hz,
-s."""
+N m s/m per Hz, s, 1."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +55,16 @@ class Flight:
     rotor_command: Array | None = None
     """Commanded rotor speeds, Hz, (N, n); they show the rotors' lag."""
     velocity: Array | None = None
-    """Velocity, m/s, robot axes, (N, 3); it shows the rotors' drag."""
+    """Velocity, m/s, robot axes, (N, 3); it shows drag and flapping of the rotors."""
     used: Mask | None = None
+    speed_age: float = 0.0
+    """The age of the measured speeds that the flight corrected, s: its `[link] rotor_speed_age`."""
+    mapped_speeds: Array | None = None
+    """Speeds that the map of the link gives for the throttles at its voltage, Hz, (N, n), or NaN."""
+    voltage: Array | None = None
+    """Voltage of the battery as a part of the map's, (N,)."""
+    exponent: float = 1.0
+    """`[link] throttle_exponent` of the flight."""
 
     @cached_property
     def rotor_acceleration(self) -> Array:
@@ -86,6 +96,7 @@ class Flight:
             None if self.rotor_command is None else mean(self.rotor_command),
             None if self.velocity is None else mean(self.velocity),
             None if self.used is None else mean(self.used.astype(float)) > 0.999,
+            self.speed_age,
         )
 
 
@@ -99,18 +110,25 @@ class Figure:
     deviation: float
     prior: float
     model: float
-    weighed: bool = False
-    """Whether the user has measured it; the flight need not determine it."""
+    given: float | None = None
+    """The user's value before the flight, with the deviation `prior`; the flight need not determine it."""
 
     @property
     def learnt(self) -> bool:
         """Whether the flight determines it."""
         return self.deviation < LEARNT * self.prior
 
+    @property
+    def known(self) -> bool:
+        """Whether the flight or the user determines it."""
+        return self.learnt or self.given is not None
+
     def __str__(self) -> str:
         """One line of a table."""
-        tail = "  weighed" if self.weighed else "" if self.learnt else "  not learnt"
         figure = f"{self.name:22s} {self.value:12.6g} +- {self.deviation:9.2g} {self.unit:10s}"
+        if self.given is not None:
+            return f"{figure} (given: {self.given:.5g} +- {self.prior:.2g}, model: {self.model:.5g})"
+        tail = "" if self.learnt else "  not learnt"
         return f"{figure} (model: {self.model:.5g} +- {self.prior:.2g}){tail}"
 
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from tilthex._core import Vehicle
 from tilthex._identified import BLOCK, PRIOR, WINDOW, Array, Figure, Flight, Mask, centred, windows
+from tilthex._priors import Prior
 
 TRUSTED = 0.1
 """Time constant, s: the measured speed gives the slow part, the answer to the command the fast part."""
@@ -44,8 +46,26 @@ def without_noise(flight: Flight, lag: Sequence[Figure]) -> Flight:
     return replace(flight, rotor_speeds=speeds + rest)
 
 
-def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
-    """Time constant and dead time from command to measured speed, common to all rotors."""
+def lag_before(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
+    """Time constant and dead time before a flight; none if there are no commands, or the model has no lag."""
+    start = vehicle.rotor_time_constant
+    if start <= 0 or all(f.rotor_command is None for f in flights):
+        return []
+    prior = PRIOR["rotor_lag"] * start, PRIOR["dead_time"]
+    names = ("rotor lag", start), ("dead time", 0.0)
+    return [Figure(name, "s", m, p, p, m) for (name, m), p in zip(names, prior, strict=True)]
+
+
+def rotor_lag(
+    flights: Sequence[Flight], vehicle: Vehicle, given: Mapping[str, Prior] | None = None
+) -> list[Figure]:
+    """Time constant and dead time from command to measured speed, common to all rotors.
+
+    Args:
+        flights: The flights.
+        vehicle: The model.
+        given: What is known of the two before the flight.
+    """
     from scipy.optimize import least_squares
 
     told = [
@@ -53,10 +73,11 @@ def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
         for f in flights
         if f.rotor_command is not None
     ]
-    start = vehicle.rotor_time_constant
-    if not told or start <= 0:
+    before = lag_before(flights, vehicle)
+    if not before:
         return []
-    prior = np.array([PRIOR["rotor_lag"] * start, PRIOR["dead_time"]])
+    own = [(given or {}).get(one.name, Prior(one.model, one.prior)) for one in before]
+    mean, prior = (np.array([getattr(one, part) for one in own]) for part in ("value", "deviation"))
 
     def left(x: Array, flight: Flight, mask: Mask) -> Array:
         # Changes that no command causes, as of a battery that discharges, are slow.
@@ -67,19 +88,26 @@ def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
     def stacked(x: Array) -> Array:
         return np.vstack([left(x, f, u) for f, u in told])
 
-    first = stacked(np.array([start, 0.0]))
+    first = stacked(mean)
     noise = 1.4826 * float(np.median(abs(first))) + 1e-9
 
     def residual(z: Array, noise: float) -> Array:
-        x = np.array([start, 0.0]) + prior * z
+        x = mean + prior * z
         rows: Array = np.r_[stacked(x).ravel() / noise, z]
         return rows
 
+    def loss(squares: Array) -> Array:
+        """`soft_l1`, but what is known before the flight is no outlier."""
+        root = np.sqrt(1 + squares)
+        rho = np.stack([2 * (root - 1), 1 / root, -0.5 / root**3])
+        rho[:, -2:] = [squares[-2:], [1.0, 1.0], [0.0, 0.0]]
+        return rho
+
     z = np.zeros(2)
     for _ in range(2):
-        found = least_squares(residual, z, args=(noise,), loss="soft_l1")
+        found = least_squares(residual, z, args=(noise,), loss=cast(Any, loss))
         z = found.x
-        noise = 1.4826 * float(np.median(abs(stacked(np.array([start, 0.0]) + prior * z)))) + 1e-9
+        noise = 1.4826 * float(np.median(abs(stacked(mean + prior * z)))) + 1e-9
     jacobian = np.stack(
         [(residual(z + e, noise) - residual(z - e, noise)) / 0.02 for e in 0.01 * np.eye(2)], axis=1
     )
@@ -92,9 +120,14 @@ def rotor_lag(flights: Sequence[Flight], vehicle: Vehicle) -> list[Figure]:
     sums = np.stack([np.bincount(number, plain[:, k] * rows) for k in range(2)], axis=1)
     inverse = np.linalg.inv(plain.T @ plain + np.eye(2))
     spread = inverse @ (sums.T @ sums + np.eye(2)) @ inverse
-    values, deviation = np.array([start, 0.0]) + prior * z, prior * np.sqrt(np.diag(spread))
-    names = (("rotor lag", start), ("dead time", 0.0))
+    values, deviation = mean + prior * z, prior * np.sqrt(np.diag(spread))
     return [
-        Figure(name, "s", float(v), float(d), float(p), m)
-        for (name, m), v, d, p in zip(names, values, deviation, prior, strict=True)
+        replace(
+            one,
+            value=float(v),
+            deviation=float(d),
+            prior=float(p.deviation),
+            given=p.value if one.name in (given or {}) else None,
+        )
+        for one, v, d, p in zip(before, values, deviation, own, strict=True)
     ]

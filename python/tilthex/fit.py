@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tilthex import _json, log
+from tilthex import _core, _json, _priors, log
+from tilthex._battery import speeds_of
 from tilthex._core import Config, Vehicle
 from tilthex.identify import Flight, Identified, identify
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from tilthex._identified import Figure as Found
 
 AFTER = 0.5
 """Time after the start of free flight that is left out, s: the estimator still settles."""
@@ -21,26 +25,29 @@ ADVICE = {
     "mass": "a flight cannot determine it; weigh the vehicle and give --mass",
     "drag moment": "a flight cannot tell it from tilted rotor axes; measure the moment of one rotor on a "
     "test stand, or keep the model's value",
+    "throttle exponent": "the battery's voltage moved too little; add the log of a flight until it is low",
 }
 """What to do about parameters that no flight determines."""
-WRITTEN = (
-    ("rotor drag", "contact", "rotor_drag", 1.0),
-    ("age of rotor speeds", "link", "rotor_speed_age", 0.05),
-)
-"""Parameters that are keys of other sections than the vehicle's, and their largest values."""
+LINK = {
+    "age of rotor speeds": ("rotor_speed_age", 0.05),
+    "throttle exponent": ("throttle_exponent", 3.0),
+}
+"""Figures that are keys of `[link]`, with their largest values."""
 CORRELATED = 0.95
 """Above this correlation, two parameters can only be determined together."""
 
 
-def read(path: str | Path, begin: float | None = None, end: float | None = None) -> Flight:
-    """The flight in a log, between two times since its start.
+def read(path: str | Path | log.Log, begin: float | None = None, end: float | None = None) -> Flight:
+    """The flight in a log, between two times since its start, s.
 
     Raises:
         ValueError: The log holds no free flight between these times.
     """
     from scipy.spatial.transform import Rotation
 
-    flight = log.Log(path)
+    flight = path if isinstance(path, log.Log) else log.Log(path)
+    config = Config.from_text(flight.configuration)
+    link = config.to_dict()["link"]
     state, rotors, phases = (flight.columns(topic) for topic in ("/state", "/rotors", "/flight"))
     count = min(len(topic["log_time"]) for topic in (state, rotors, phases))
     time = phases["time"][:count]
@@ -51,7 +58,9 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
         used &= ~((time >= start) & (time < start + AFTER))
     used &= (since >= (begin if begin is not None else 0.0)) & (since <= (end if end is not None else np.inf))
     if not used.any():
-        raise ValueError(f"{path}: the vehicle does not fly between these times; expected a part in flight")
+        raise ValueError(
+            f"{flight.path}: the vehicle does not fly between these times; expected a part in flight"
+        )
     # Constant steps: those of the loop vary a little, and some ticks are skipped.
     even = np.arange(time[0], time[-1], float(np.median(np.diff(time))))
 
@@ -67,7 +76,28 @@ def read(path: str | Path, begin: float | None = None, end: float | None = None)
         rotor_command=column(rotors["command"]),
         velocity=column(rotation.inv().apply(state["velocity_w"][:count])),
         used=np.interp(even, time, used.astype(float)) > 0.999,
+        speed_age=float(link["rotor_speed_age"]),
+        **_throttles(flight, config, time, even),
     )
+
+
+def _throttles(flight: log.Log, config: Config, time: Any, even: Any) -> dict[str, Any]:
+    """What a flight with PX4 shows of the battery: what the throttles stand for, and the voltage."""
+    link = config.to_dict()["link"]
+    if link["protocol"] != "px4" or link["throttle_voltage"] == 0.0:
+        return {}
+    rows = _core.read_throttles(config, [bytes(tick.link) for _, tick in flight.messages("/output")])
+    rows = rows[rows[:, 0] < len(time)]
+    tick, first = np.unique(rows[:, 0].astype(int), return_index=True)
+    if len(tick) < 2:
+        return {}
+    mapped = speeds_of(rows[first, 1:], link["throttle"])
+    volts = flight.columns("/rotors")["battery"][: len(time)] / link["throttle_voltage"]
+    return {
+        "mapped_speeds": np.stack([np.interp(even, time[tick], one) for one in mapped.T], axis=1),
+        "voltage": np.interp(even, time, volts),
+        "exponent": float(link["throttle_exponent"]),
+    }
 
 
 def report(found: Identified) -> str:
@@ -86,7 +116,7 @@ def report(found: Identified) -> str:
     ]
     if pairs:
         lines.append("determined only together: " + ", ".join(pairs))
-    unknown = [figure.name for figure in found.figures if not (figure.learnt or figure.weighed)]
+    unknown = [figure.name for figure in found.figures if not figure.known]
     lines += [f"{name}: {ADVICE[name]}" for name in unknown if name in ADVICE]
     rest = [name for name in unknown if name not in ADVICE]
     if rest:
@@ -102,18 +132,26 @@ def summary(found: Identified) -> dict[str, Any]:
 
 
 def toml(found: Identified) -> str:
-    """The corrected vehicle, and the learnt keys of other sections, as a configuration."""
-    parts = [found.vehicle.to_toml()]
-    for name, section, key, most in WRITTEN:
-        one = found[name]
-        what = f"# {name}, {one.unit}: {one.value:.3g} +- {one.deviation:.2g}"
-        if not one.learnt:
-            parts.append(f"{what}, not learnt\n")
-        elif 0.0 <= one.value <= most:
-            parts.append(f"{what}\n[{section}]\n{key} = {one.value:.6g}\n")
+    """The corrected vehicle, and the found keys of its link."""
+    return f"{found.vehicle.to_toml()}\n{link_keys(found.figures)}"
+
+
+def link_keys(figures: Sequence[Found]) -> str:
+    """The section `[link]` with the figures that are keys of it, their deviations as comments."""
+    lines, keys = [], False
+    for one in figures:
+        if one.name not in LINK:
+            continue
+        name, largest = LINK[one.name]
+        what = f"# {one.name}, {one.unit}: {one.value:.3g} +- {one.deviation:.2g}"
+        if not one.known:
+            lines.append(f"{what}, not learnt")
+        elif 0.0 <= one.value <= largest:
+            lines += [what, f"{name} = {one.value:.6g}"]
+            keys = True
         else:
-            parts.append(f"{what}, outside of the range of {key} in [{section}]\n")
-    return "\n".join(parts)
+            lines.append(f"{what}, outside of the range of {name} in [link]")
+    return "\n".join((["[link]"] if keys else []) + lines) + "\n"
 
 
 def figure(flights: list[Flight], found: Identified, names: list[str]) -> Figure:
@@ -168,6 +206,14 @@ def add_parser(commands: Any) -> None:
         help="the weighed mass; a flight determines only the ratio of forces to mass",
     )
     parser.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar=_priors.FORM.split(",")[0],
+        help="what you know of a figure before the flight, by its name in the table and in its unit, "
+        "inertia_zz=0.08+-0.002; repeat it for each figure",
+    )
+    parser.add_argument(
         "--begin", type=float, metavar="S", help="use each log from this time on, s since its start"
     )
     parser.add_argument(
@@ -177,7 +223,7 @@ def add_parser(commands: Any) -> None:
         "--out",
         type=Path,
         metavar="FILE.toml",
-        help="write the corrected vehicle, rotor drag and age of the speeds",
+        help="write the corrected vehicle, and what was learnt of its link",
     )
     parser.add_argument("--plot", type=Path, metavar="FILE.png", help="draw predicted and measured values")
     _json.add_option(parser)
@@ -190,8 +236,12 @@ def _run(arguments: argparse.Namespace) -> None:
         raise ValueError("the logs have different vehicles in their configurations; expected flights of one")
     if arguments.mass is not None and not 0.2 < arguments.mass / vehicles[0].mass < 5.0:
         raise ValueError(f"--mass is {arguments.mass} kg, the model's is {vehicles[0].mass} kg; expected kg")
+    pairs = [_priors.parse(text) for text in arguments.prior]
+    priors = dict(pairs)
+    if len(priors) < len(pairs):
+        raise ValueError("--prior gives one name twice; expected one prior for each figure")
     flights = [read(path, arguments.begin, arguments.end) for path in arguments.log]
-    found = identify(flights, vehicles[0], mass=arguments.mass)
+    found = identify(flights, vehicles[0], mass=arguments.mass, priors=priors)
     if arguments.json:
         _json.say(summary(found))
     else:

@@ -10,15 +10,18 @@ of any colour up to `BLOCK`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tilthex._battery import exponent, exponent_before
 from tilthex._core import Vehicle
 from tilthex._identified import BLOCK, PRIOR, WINDOW, Array, Figure, Flight, Mask, centred, windows
-from tilthex._rotor_lag import rotor_lag, without_noise
+from tilthex._parameters import Model, corrected, reported
+from tilthex._priors import Prior, checked, informed, slopes
+from tilthex._rotor_lag import lag_before, rotor_lag, without_noise
 
 DERIVED = (0, 1, 2, 3)
 """Number of steps with a new derivative; after them the model is almost linear."""
@@ -27,6 +30,8 @@ CELL = 0.05
 and this must not count as excitation."""
 STEP = 0.004
 """Samples are averaged over about this time, s; rotors are slower."""
+WEIGHED = 0.002
+"""Deviation of a weighed mass, as a part of it."""
 OUTLIER = 6.0
 """Blocks whose residual is above this many robust deviations are left out: contact, the ground, gusts."""
 
@@ -52,108 +57,13 @@ class Identified:
         return next(figure for figure in self.figures if figure.name == name)
 
 
-@dataclass(frozen=True)
-class _Model:
-    """The numbers of the model, and the vehicle that follows from a vector of parameters."""
-
-    mass: float
-    inertia: Array
-    position: Array
-    axis: Array
-    across: Array
-    thrust: Array
-    drag: Array
-    names: list[str]
-
-    @staticmethod
-    def of(vehicle: Vehicle, flights: int) -> _Model:
-        rotors = vehicle.rotors
-
-        def column(key: str) -> Array:
-            return np.array([rotor[key] for rotor in rotors], dtype=float)
-
-        axis = column("axis")
-        first = np.cross(axis, np.where(abs(axis[:, :1]) < 0.9, [1.0, 0, 0], [0, 1.0, 0]))
-        first /= np.linalg.norm(first, axis=1, keepdims=True)
-        n = len(rotors)
-        names = ["mass", "thrust", *["thrust_each"] * n, "drag_moment", *["rotor_axis"] * (2 * n)]
-        names += ["centre_of_mass"] * 3 + ["inertia"] * 3 + ["inertia_product"] * 3
-        names += ["rotor_drag", "speed_age", *["accelerometer_bias"] * (3 * flights)]
-        return _Model(
-            vehicle.mass,
-            vehicle.inertia,
-            column("position"),
-            axis,
-            np.stack([first, np.cross(axis, first)], axis=1),
-            column("thrust_coefficient"),
-            column("drag_coefficient") * column("spin"),
-            names,
-        )
-
-    def at(self, x: Array) -> _Set:
-        """The vehicle with these parameters, in their units (fractions, rad, m, ...)."""
-        n = len(self.thrust)
-        mass, common, each, drag, turn, rest = np.split(x, np.cumsum([1, 1, n, 1, 2 * n]))
-        centre, moments, products, (rotor_drag, age), bias = np.split(rest, [3, 6, 9, 11])
-        turned = self.axis + np.einsum("ij,ijk->ik", turn.reshape(n, 2), self.across)
-        root = np.sqrt(np.diag(self.inertia) * np.exp(moments))
-        scale = np.sqrt(np.diag(self.inertia))
-        inertia = self.inertia / np.outer(scale, scale) * np.outer(root, root)
-        for (i, j), part in zip(((0, 1), (0, 2), (1, 2)), products, strict=True):
-            inertia[i, j] += part * root[i] * root[j]
-            inertia[j, i] = inertia[i, j]
-        return _Set(
-            float(self.mass * np.exp(mass[0])),
-            inertia,
-            self.position - centre,
-            turned / np.linalg.norm(turned, axis=1, keepdims=True),
-            self.thrust * np.exp(common[0] + each),
-            self.drag * np.exp(drag[0]),
-            centre,
-            float(rotor_drag),
-            float(age),
-            bias.reshape(-1, 3),
-        )
-
-
-@dataclass(frozen=True)
-class _Set:
-    """One vehicle; positions are relative to its own centre of mass."""
-
-    mass: float
-    inertia: Array
-    position: Array
-    axis: Array
-    thrust: Array
-    drag: Array
-    centre: Array
-    rotor_drag: float
-    speed_age: float
-    bias: Array
-
-    def predict(self, flight: Flight, number: int) -> tuple[Array, Array]:
-        """Specific force at the model's centre of mass (N, 3), and angular acceleration (N, 3)."""
-        # Shifted with a smoothed slope: a mean between noisy samples would reduce their noise.
-        speeds = flight.rotor_speeds + self.speed_age * flight.rotor_acceleration
-        lift = speeds * abs(speeds)
-        forces = self.thrust[:, None] * self.axis
-        torques = np.cross(self.position, forces) + self.drag[:, None] * self.axis
-        force, torque = lift @ forces, lift @ torques
-        omega = flight.angular_velocity
-        if flight.velocity is not None and self.rotor_drag != 0.0:
-            hub = flight.velocity[:, None] + np.cross(omega[:, None], self.position)
-            along = np.einsum("nik,ik->ni", hub, self.axis)
-            push = -self.rotor_drag * abs(speeds)[:, :, None] * (hub - along[:, :, None] * self.axis)
-            force = force + push.sum(axis=1)
-            torque = torque + np.cross(self.position, push).sum(axis=1)
-        turn = torque - np.cross(omega, omega @ self.inertia)
-        alpha = turn @ np.linalg.inv(self.inertia)
-        lever = -self.centre
-        moved = np.cross(alpha, lever) + np.cross(omega, np.cross(omega, lever))
-        return force / self.mass + moved + self.bias[number], alpha
-
-
-def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None = None) -> Identified:
+def identify(
+    flights: Sequence[Flight],
+    vehicle: Vehicle,
+    *,
+    mass: float | None = None,
+    priors: Mapping[str, Prior] | None = None,
+) -> Identified:
     """The most probable parameters of a vehicle.
 
     A flight determines forces and moments only relative to the mass. So the mass keeps its prior
@@ -162,17 +72,32 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     Args:
         flights: Flights that are free of contact for most of the time.
         vehicle: The model.
-        mass: The weighed mass, kg; it counts as correct to within 0.2 %.
+        mass: The weighed mass, kg; it counts as correct to within `WEIGHED`.
+        priors: What is known of figures, by their names, `thrust, rotor 1` or `thrust_rotor_1`. They replace
+            the deviations of `PRIOR`.
 
     Raises:
-        ValueError: The time in flight is too short.
+        ValueError: The time in flight is too short, or a prior is impossible.
     """
-    model = _Model.of(vehicle, len(flights))
+    model = Model.of(vehicle, flights)
     prior = np.array([PRIOR[name] for name in model.names])
-    mean = np.zeros(len(prior))
+    priors = dict(priors or {})
     if mass is not None:
-        prior[0], mean[0] = 0.002, float(np.log(mass / vehicle.mass))
-    lag = rotor_lag(flights, vehicle)
+        if "mass" in priors:
+            raise ValueError("the mass is given twice; expected it weighed, or as a prior")
+        priors["mass"] = Prior(mass, WEIGHED * mass)
+    names = [name for name, _ in reported(model, np.zeros(len(prior)))[0]]
+
+    def values(z: Array) -> Array:
+        return reported(model, prior * z)[1]
+
+    nothing = np.zeros(len(prior))
+    before, _ = _figures(model, nothing, np.eye(len(prior)), (prior, np.eye(len(prior))), {})
+    given = checked(priors, [*before, *lag_before(flights, vehicle), *exponent_before(flights)])
+    own = {name: one for name, one in given.items() if name in names}
+    mean, information = informed(values, len(prior), own, names)
+    lag = rotor_lag(flights, vehicle, given)
+    battery = exponent(flights, given)
     fine = [without_noise(flight, lag) for flight in flights]
     flights = [flight.coarser(STEP) for flight in fine]
     cells = [flight.coarser(CELL) for flight in flights]
@@ -182,30 +107,28 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
         raise ValueError(
             f"the flights have fewer than 10 blocks of {BLOCK:g} s in the air; expected at least 10"
         )
-    whole = [u & (b >= 0) for b, u in zip(blocks, used, strict=True)]
-    x, noise = mean.copy(), (0.3, 0.03)
+    whole, flying = [u & (b >= 0) for b, u in zip(blocks, used, strict=True)], used
+    x, noise = prior * mean, (0.3, 0.03)
     slope: list[Array] = []
     for step in range(5):
         if step in DERIVED:
             slope = [_derivative(model, flight, k, x, prior) for k, flight in enumerate(flights)]
         left = [_raw(model, flight, k, x) for k, flight in enumerate(flights)]
-        x = x - prior * _step(left, slope, used, noise, (x - mean) / prior)
+        x = x - prior * _step(left, slope, used, noise, x / prior - mean, information)
         left = [_raw(model, flight, k, x) for k, flight in enumerate(flights)]
         noise = _noise(left, used)
         if step < 3:
             used = [u & _usual(r, b, w) for r, b, w, u in zip(left, blocks, whole, used, strict=True)]
-    covariance = _covariance(left, slope, used, blocks, noise)
+    covariance = _covariance(left, slope, used, blocks, noise, information)
     period = [float(np.median(np.diff(c.time))) for c in cells]
     seconds = sum(p * int(u.sum()) for p, u in zip(period, used, strict=True))
-    flown = sum(p * int(w.sum()) for p, w in zip(period, whole, strict=True))
-    figures, correlation = _figures(model, x, covariance, prior)
-    if mass is not None:
-        figures = [replace(one, weighed=True) if one.name == "mass" else one for one in figures]
+    flown = sum(p * int(u.sum()) for p, u in zip(period, flying, strict=True))
+    figures, correlation = _figures(model, x, covariance, (prior, information), given)
     found = model.at(x)
     return Identified(
-        figures + lag,
+        figures + lag + battery,
         correlation,
-        _vehicle(vehicle, found, lag),
+        corrected(vehicle, found, figures + lag),
         seconds,
         flown - seconds,
         noise,
@@ -213,7 +136,7 @@ def identify(flights: Sequence[Flight], vehicle: Vehicle, *, mass: float | None 
     )
 
 
-def _raw(model: _Model, flight: Flight, number: int, x: Array) -> Array:
+def _raw(model: Model, flight: Flight, number: int, x: Array) -> Array:
     """Measured minus predicted: specific force, and rate relative to the mean of its window, (N, 6)."""
     force, alpha = model.at(x).predict(flight, number)
     step = np.diff(flight.time, prepend=flight.time[0])[:, None]
@@ -247,7 +170,7 @@ def _usual(residual: Array, block: NDArray[np.int64], used: Mask) -> Mask:
     return usual
 
 
-def _derivative(model: _Model, flight: Flight, number: int, x: Array, prior: Array) -> Array:
+def _derivative(model: Model, flight: Flight, number: int, x: Array, prior: Array) -> Array:
     """Derivative of the residuals by each parameter, times its prior deviation, (N, 6, k)."""
     here = _raw(model, flight, number, x)
     columns = []
@@ -268,12 +191,17 @@ def _stacked(
 
 
 def _step(
-    left: list[Array], slope: list[Array], used: list[Mask], noise: tuple[float, float], off: Array
+    left: list[Array],
+    slope: list[Array],
+    used: list[Mask],
+    noise: tuple[float, float],
+    off: Array,
+    information: Array,
 ) -> Array:
     """One Gauss-Newton step; `off`: parameters minus their means. Both are in prior deviations."""
     here, jacobian = _stacked(left, slope, used, noise)
     rows = jacobian.reshape(-1, len(off))
-    step: Array = np.linalg.solve(rows.T @ rows + np.eye(len(off)), rows.T @ here.ravel() + off)
+    step: Array = np.linalg.solve(rows.T @ rows + information, rows.T @ here.ravel() + information @ off)
     return step
 
 
@@ -283,6 +211,7 @@ def _covariance(
     used: list[Mask],
     blocks: list[NDArray[np.int64]],
     noise: tuple[float, float],
+    information: Array,
 ) -> Array:
     """Covariance from blocks (a sandwich estimator), in units of the squared prior deviations."""
     here, jacobian = _stacked(left, slope, used, noise)
@@ -297,93 +226,34 @@ def _covariance(
     sums = np.zeros((number.max() + 1, size))
     np.add.at(sums, number, score)
     count = len(sums)
-    inverse = np.linalg.inv(rows.T @ rows + np.eye(size))
+    inverse = np.linalg.inv(rows.T @ rows + information)
     # The parameters use up degrees of freedom of the residuals.
     taken = float(np.trace(inverse @ rows.T @ rows))
     spread = sums.T @ sums * count / max(count - taken / 6, 1)
-    covariance: Array = inverse @ (spread + np.eye(size)) @ inverse
+    covariance: Array = inverse @ (spread + information) @ inverse
     return covariance
 
 
-def _values(model: _Model, x: Array) -> tuple[list[tuple[str, str]], Array]:
-    """Names with units, and values, of the reported parameters."""
-    at = model.at(x)
-    ratio = at.thrust / model.thrust
-    names = [("mass", "kg"), ("thrust, all rotors", "of model")]
-    names += [(f"thrust, rotor {k + 1}", "of model") for k in range(len(ratio))]
-    names += [("drag moment", "of model"), *((f"centre of mass {a}", "m") for a in "xyz")]
-    names += [(f"inertia {a}", "kg m^2") for a in ("xx", "yy", "zz", "xy", "xz", "yz")]
-    names += [("rotor drag", "N s/m/Hz"), ("age of rotor speeds", "s")]
-    drag = float(np.linalg.norm(at.drag) / np.linalg.norm(model.drag))
-    i = at.inertia
-    moments = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
-    values = [at.mass, ratio.mean(), *ratio, drag, *at.centre, *moments, at.rotor_drag, at.speed_age]
-    return names, np.array(values)
+def _value(given: Mapping[str, Prior], name: str) -> float | None:
+    return given[name].value if name in given else None
 
 
-def _figures(model: _Model, x: Array, covariance: Array, prior: Array) -> tuple[list[Figure], Array]:
-    names, values = _values(model, x)
-    gain = np.empty((len(values), len(x)))
-    for k, size in enumerate(prior):
-        step = np.zeros(len(x))
-        step[k] = 1e-3 * size
-        gain[:, k] = (_values(model, x + step)[1] - _values(model, x - step)[1]) / 2e-3
+def _figures(
+    model: Model, x: Array, covariance: Array, prior: tuple[Array, Array], given: Mapping[str, Prior]
+) -> tuple[list[Figure], Array]:
+    """The figures, and their correlation. `prior`: deviations without priors, and information."""
+    size, information = prior
+    names, values = reported(model, x)
+    gain = slopes(lambda z: reported(model, size * z)[1], x / size)
     spread = gain @ covariance @ gain.T
     deviation = np.sqrt(np.diag(spread))
-    before = np.sqrt(np.diag(gain @ gain.T))
-    told = _values(model, np.zeros(len(x)))[1]
+    before = np.sqrt(np.diag(gain @ np.linalg.inv(information) @ gain.T))
+    told = reported(model, np.zeros(len(x)))[1]
     figures = [
-        Figure(name, unit, float(value), float(off), float(b), float(m))
+        Figure(name, unit, float(value), float(off), float(b), float(m), _value(given, name))
         for (name, unit), value, off, b, m in zip(names, values, deviation, before, told, strict=True)
     ]
     return figures, spread / np.outer(deviation, deviation)
 
 
-def _vehicle(vehicle: Vehicle, found: _Set, lag: Sequence[Figure]) -> Vehicle:
-    """The corrected model; positions move relative to the centre of mass.
-
-    Raises:
-        ValueError: The flight determined so little that no vehicle has these values.
-    """
-    centre = found.centre
-    rotors = [
-        rotor
-        | {
-            "position": position.tolist(),
-            "axis": axis.tolist(),
-            "thrust_coefficient": float(thrust),
-            "drag_coefficient": float(abs(drag)),
-        }
-        for rotor, position, axis, thrust, drag in zip(
-            vehicle.rotors, found.position, found.axis, found.thrust, found.drag, strict=True
-        )
-    ]
-    keys = {
-        "name": vehicle.name,
-        "mass": found.mass,
-        "inertia": found.inertia.tolist(),
-        "rotor_time_constant": lag[0].value if lag else vehicle.rotor_time_constant,
-        "tool_position": (vehicle.tool_position - centre).tolist(),
-        "tool_rotation_deg": _angles(vehicle.tool_rotation),
-        "imu_position": (vehicle.imu_position - centre).tolist(),
-        "imu_rotation_deg": _angles(vehicle.imu_rotation),
-        "rotors": rotors,
-    }
-    try:
-        return Vehicle.from_dict(keys)
-    except ValueError as error:
-        raise ValueError(
-            f"the flight does not determine the vehicle, the fit found an impossible one: {error}; "
-            "fly the trajectory of `tilthex excite` (docs/identification.md)"
-        ) from error
-
-
-def _angles(rotation: Array) -> list[float]:
-    """Roll, pitch and yaw, degrees."""
-    from scipy.spatial.transform import Rotation
-
-    angles: list[float] = Rotation.from_matrix(rotation).as_euler("ZYX", degrees=True)[::-1].tolist()
-    return angles
-
-
-__all__ = ["Figure", "Flight", "Identified", "identify"]
+__all__ = ["Figure", "Flight", "Identified", "Prior", "identify"]
