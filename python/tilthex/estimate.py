@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tilthex import _core, _json
+from tilthex._speed_age import SpeedAge, find_speed_age
 from tilthex.calibration import SETTLE, calibrate
 from tilthex.estimate_figures import figures, pose_errors, summary
 from tilthex.log import Log
@@ -105,11 +106,14 @@ def _calibrate(arguments: argparse.Namespace) -> None:
     captured = recording.pose_time - max(found.latency, 0.0)
     recording = replace(recording, pose_arrival_time=np.minimum(recording.pose_arrival_time, captured))
     noises = find_noises(recording, placed)
+    speeds = _speed_age(log, placed) if log else None
+    age = speeds if isinstance(speeds, SpeedAge) else None
     if not arguments.json:
-        print(f"{noises}\n")
+        print(f"{noises}\n" + (f"\n{speeds}\n" if speeds else ""))
     if arguments.out:
         heading = f"# Found by tilthex calibrate in {arguments.recording.name}; keys of a configuration."
-        arguments.out.write_text(f"{heading}\n{found}\n{noises}\n", encoding="utf-8")
+        keys = [heading, found, noises, *(["", speeds] if speeds else [])]
+        arguments.out.write_text("\n".join(map(str, keys)) + "\n", encoding="utf-8")
     fed = np.arange(len(recording.pose_time)) % 2 == 0
     counted = recording.pose_time > recording.pose_time[0] + SETTLE
     errors: dict[str, Any] = {}
@@ -126,13 +130,23 @@ def _calibrate(arguments: argparse.Namespace) -> None:
             name.replace(",", "").replace(" ", "_"): error.figures() | {"nis": nis}
             for name, (error, nis) in errors.items()
         }
-        _json.say({"place": found, "noises": noises, "withheld": withheld})
+        _json.say({"place": found, "noises": noises, "withheld": withheld, "rotor_speed_age": age})
         return
     print(f"errors at every second pose after {SETTLE:g} s, if the filter does not get it:")
     for name, (error, nis) in errors.items():
         print(f"  {name}: {error}; NIS {nis:.2f}")
+    if age:
+        print("\n".join(["not explained by the rotor speeds:", *age.table()]))
     if arguments.out:
         print(arguments.out)
+
+
+def _speed_age(log: Log, config: _core.Config) -> SpeedAge | str:
+    """The age of the rotor speeds; a comment that says why the log does not tell it."""
+    try:
+        return find_speed_age(log, config)
+    except ValueError as error:
+        return f"# rotor_speed_age in [link] was not searched: {error}"
 
 
 def _recording(arguments: argparse.Namespace, config: _core.Config, log: Log | None) -> Recording:
@@ -164,7 +178,8 @@ def add_parser(commands: Any) -> None:
     _json.add_option(estimate)
     estimate.set_defaults(run=_estimate)
     calibration = commands.add_parser(
-        "calibrate", help="find the captured body's place on the robot, the latency and the noises"
+        "calibrate",
+        help="find the captured body's place, the latency, the noises and the age of the rotor speeds",
     )
     calibration.set_defaults(run=_calibrate)
     calibration.add_argument(
