@@ -211,7 +211,7 @@ def add_parser(commands: Any) -> None:
         default=[],
         metavar=_priors.FORM.split(",")[0],
         help="what you know of a figure before the flight, by its name in the table and in its unit, "
-        "inertia_zz=0.08+-0.002; repeat it for each figure",
+        "inertia_zz=0.0196+-0.0004; repeat it for each figure",
     )
     parser.add_argument(
         "--begin", type=float, metavar="S", help="use each log from this time on, s since its start"
