@@ -80,7 +80,7 @@ FAULTS = (
         "motor at a wrong speed",
         "refuse",
         "land",
-        "its command is increased by the missing speed",
+        "its command is increased by the missing speed; the lagged command replaces a speed that the rotor cannot have reached since the one before",
     ),
     Fault(
         "command not followed",

@@ -35,6 +35,8 @@ pub struct Chips {
     now: Micros,
     imu: VecDeque<ImuReading>,
     speeds: RotorVector,
+    /// What takes the place of a rotor's measured speed, Hz.
+    misread: [Option<f64>; MAX_ROTORS],
     fresh: bool,
     motors: [Motor; MAX_ROTORS],
     motor_count: usize,
@@ -59,7 +61,7 @@ impl tilthex_firmware::Board for Chips {
         let speed = self.speeds[rotor];
         let motor = &self.motors[rotor];
         RotorReading {
-            speed: self.fresh.then_some(speed),
+            speed: self.fresh.then_some(self.misread[rotor].unwrap_or(speed)),
             starting: motor.is_starting(),
             spinning: motor.is_spinning(),
             emergency: false,
@@ -122,6 +124,7 @@ impl Onboard {
             now: 0,
             imu: VecDeque::new(),
             speeds: RotorVector::zeros(),
+            misread: [None; MAX_ROTORS],
             fresh: false,
             motors,
             motor_count: vehicle.rotor_count(),
@@ -149,6 +152,11 @@ impl Onboard {
             self.firmware = firmware;
             self.chips.noted.first_start = None;
         }
+    }
+
+    /// Lets a rotor, from 0, measure this speed, Hz, whatever it does; `None` for its own.
+    pub fn misread(&mut self, rotor: usize, speed: Option<f64>) {
+        self.chips.misread[rotor] = speed;
     }
 
     /// Whether a motor spins.

@@ -6,9 +6,12 @@ use crate::{
     filters::lag_fraction,
     plant::Past,
     supervisor::limits::{MOTORS_FRESH, STOPPED, VEHICLE_WATCHDOG, WRONG_SPEED},
-    types::RotorVector,
+    types::{MAX_ROTORS, RotorVector},
 };
 use libm::fabs;
+
+/// A time before every measurement, s.
+const LONG_AGO: f64 = -1e9;
 
 /// The model can show whether a motor has stopped if the motor is faster than this, Hz.
 const TELLS: f64 = 10.0;
@@ -20,6 +23,8 @@ const GAIN: (f64, f64) = (10.0, 0.5);
 pub(super) struct RotorModel {
     rate: f64,
     lowest: RotorVector,
+    /// Largest speed in either direction, Hz.
+    highest: RotorVector,
     /// The last command that can have reached the vehicle, and for how long no command has.
     reached: RotorVector,
     unreached: f64,
@@ -30,6 +35,10 @@ pub(super) struct RotorModel {
     garbled: bool,
     /// Bit `i` is set if the data of motor `i` (from 0) are not trusted.
     doubted: u16,
+    /// Each rotor's last speed that it can have, Hz, and when it arrived, s.
+    possible: [(f64, f64); MAX_ROTORS],
+    /// Bit `i` is set if the newest speed of motor `i` (from 0) is one that its rotor cannot have.
+    impossible: u16,
     /// How much older a measured speed is than a sample that arrives with it, s; 0 if speeds are taken as measured.
     age: f64,
     /// Past expected speeds; kept if speeds are brought to another time.
@@ -42,17 +51,21 @@ impl RotorModel {
     pub(super) fn new(vehicle: &Vehicle, age: f64) -> Self {
         let constant = vehicle.rotor_time_constant();
         let zero = RotorVector::zeros();
-        let (lowest, _) = vehicle.speed_limits();
+        let (lowest, highest) = vehicle.speed_limits();
+        let highest = highest.sup(&-lowest);
         let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
         Self {
             rate,
             lowest,
+            highest,
             reached: zero,
             unreached: 0.0,
             expected: zero,
             gain: RotorVector::repeat(1.0),
             garbled: false,
             doubted: 0,
+            possible: [(0.0, LONG_AGO); MAX_ROTORS],
+            impossible: 0,
             age,
             past: Past::default(),
         }
@@ -89,6 +102,25 @@ impl RotorModel {
         self.doubted = doubted;
     }
 
+    /// Judges the newest speeds. No command changes a rotor's speed faster than its lag, so that several equal wrong
+    /// measurements are not believed. The speed that the model expects is always possible.
+    fn judge(&mut self, motors: &[Motor]) {
+        let expected = self.expected();
+        let rotors = expected.iter().zip(self.highest.iter()).zip(&mut self.possible);
+        for (i, (motor, ((expected, highest), last))) in motors.iter().zip(rotors).enumerate() {
+            let (speed, time) = *last;
+            let part = lag_fraction(self.rate, motor.heard - time);
+            let slowest = speed - (highest + speed) * part - WRONG_SPEED;
+            let fastest = speed + (highest - speed) * part + WRONG_SPEED;
+            if (slowest..=fastest).contains(&motor.speed) || fabs(motor.speed - expected) <= WRONG_SPEED {
+                *last = (motor.speed, motor.heard);
+                self.impossible &= !(1 << i);
+            } else {
+                self.impossible |= 1 << i;
+            }
+        }
+    }
+
     /// The speeds that the model expects, Hz.
     pub(super) fn expected(&self) -> RotorVector {
         self.expected.component_mul(&self.gain)
@@ -104,8 +136,10 @@ impl RotorModel {
         if !at_fault || self.garbled || 2 * self.wrong_speeds(motors, now) >= motors.len() {
             return;
         }
-        for ((gain, expected), motor) in self.gain.iter_mut().zip(self.expected.iter()).zip(motors) {
-            if now - motor.heard <= MOTORS_FRESH && fabs(*expected) > TELLS {
+        let rotors = self.gain.iter_mut().zip(self.expected.iter()).zip(motors).enumerate();
+        for (i, ((gain, expected), motor)) in rotors {
+            let possible = self.impossible >> i & 1 == 0;
+            if possible && now - motor.heard <= MOTORS_FRESH && fabs(*expected) > TELLS {
                 *gain += (motor.speed / expected - *gain) * lag_fraction(rate, dt);
                 *gain = gain.max(least).min(1.0);
             }
@@ -118,18 +152,19 @@ impl RotorModel {
         wanted.component_div(&self.gain)
     }
 
-    /// Measured speeds, Hz, at the time `at` of an inertial sample, s. The model replaces old ones.
+    /// Measured speeds, Hz, at the time `at` of an inertial sample, s. The model replaces old and impossible ones.
     ///
     /// If their age is known, the change that the model expects between the two times is added.
     #[must_use]
-    pub(super) fn speeds(&self, motors: &[Motor], now: f64, at: f64) -> RotorVector {
+    pub(super) fn speeds(&mut self, motors: &[Motor], now: f64, at: f64) -> RotorVector {
+        self.judge(motors);
         let mut speeds = RotorVector::zeros();
         let model = self.expected.as_slice().iter().zip(self.gain.as_slice());
         let expected_at = |age: f64, i: usize| self.past.at(age).and_then(|w| w.get(i).copied());
         for (i, ((speed, (expected, gain)), motor)) in
             speeds.as_mut_slice().iter_mut().zip(model).zip(motors).enumerate()
         {
-            let believed = self.doubted >> i & 1 == 0 && self.is_measured(motor, now);
+            let believed = (self.doubted | self.impossible) >> i & 1 == 0 && self.is_measured(motor, now);
             let changed = |(later, earlier): (f64, f64)| gain * (later - earlier);
             *speed = if believed {
                 let since = expected_at(now - at, i).zip(expected_at(now - motor.heard + self.age, i));
@@ -177,5 +212,57 @@ impl RotorModel {
         motors.iter().zip(model).enumerate().fold(0, |set, (i, (motor, (expected, gain)))| {
             if self.is_measured(motor, now) && is(motor.speed, expected * gain) { set | 1 << i } else { set }
         })
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+    use crate::{examples, flight::Telemetry};
+    use std::vec::Vec;
+
+    /// The first rotor's speeds, Hz, that are used for these measurements, one each 2 ms; all rotors have turned at 60 Hz.
+    fn used(measured: &[f64]) -> Vec<f64> {
+        let vehicle = examples::tilt_hex().unwrap();
+        let (hover, mut telemetry) = (RotorVector::repeat(60.0), Telemetry::new(6));
+        let mut model = RotorModel::new(&vehicle, 0.0);
+        model.begin_at(&hover);
+        telemetry.hear_motors(0.0, &hover);
+        let _ = model.speeds(telemetry.motors(), 0.0, 0.0);
+        let mut found = Vec::new();
+        for (k, speed) in (1..).zip(measured) {
+            let now = 2e-3 * f64::from(k);
+            model.step(&hover, true, 2e-3);
+            let mut speeds = hover;
+            speeds[0] = *speed;
+            telemetry.hear_motors(now, &speeds);
+            found.push(model.speeds(telemetry.motors(), now, now)[0]);
+        }
+        found
+    }
+
+    #[test]
+    fn equal_speeds_that_a_rotor_cannot_reach_are_not_believed() {
+        for wrong in [1000.0, 130.0, 90.0, -60.0, -1000.0, f64::NAN] {
+            let speeds = used(&[wrong, wrong, wrong, wrong, wrong, 61.0]);
+            assert_eq!(speeds, [60.0, 60.0, 60.0, 60.0, 60.0, 61.0], "{wrong}");
+        }
+        assert!(used(&[200.0; 500]).iter().all(|speed| *speed == 60.0), "no command makes it so fast");
+    }
+
+    #[test]
+    fn a_rotor_that_stops_or_follows_its_lag_is_believed() {
+        // Something holds it: until it can have braked, the model replaces its measurement.
+        let speeds = used(&[0.0; 10]);
+        assert!(speeds.starts_with(&[60.0]) && speeds.ends_with(&[0.0; 5]), "{speeds:?}");
+        // After false zeros the right measurements are believed at once.
+        let speeds = used(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 60.0, 60.0]);
+        assert!(speeds.ends_with(&[0.0, 60.0, 60.0]), "{speeds:?}");
+        for goal in [16.0, 110.0] {
+            let way: Vec<_> =
+                (1..50).map(|k| 60.0 + (goal - 60.0) * lag_fraction(50.0, 2e-3 * f64::from(k))).collect();
+            assert_eq!(used(&way), way, "a rotor that is faster than its model");
+        }
     }
 }

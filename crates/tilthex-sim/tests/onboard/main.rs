@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod rotors;
 mod world;
 
 use proptest::{collection::vec, prelude::*};
