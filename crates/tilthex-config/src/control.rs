@@ -3,7 +3,6 @@
 use super::{
     LinkSection,
     margins::LoopModel,
-    reach::Reach,
     section::{self, ConfigError, Section, section},
     values::{Axes, Square},
 };
@@ -17,6 +16,7 @@ use tilthex_core::{
     free_wrench::FreeWrenchParams,
     plant::{BodyDrag, RotorDrag},
     pose_control::{PoseController, PoseGains},
+    reach::Reach,
     reference_bounds::ReferenceBounds,
     vehicle::Actuation,
     wrench_observer::{ObserverGains, WrenchObserver},

@@ -203,7 +203,7 @@ impl SupervisorSection {
         (self.operator_timeout > 0.0).then(|| Duration::from_secs_f64(self.operator_timeout))
     }
 
-    fn params(&self) -> WatchParams {
+    pub(super) fn params(&self) -> WatchParams {
         WatchParams {
             battery_low: self.battery_low,
             battery_critical: self.battery_critical,

@@ -10,7 +10,6 @@ mod flight;
 pub mod margins;
 pub mod orders;
 mod plausible;
-mod reach;
 mod retired;
 mod section;
 mod sections;

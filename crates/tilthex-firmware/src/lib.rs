@@ -24,8 +24,9 @@ use tilthex_core::{
     admittance::AdmittanceFilter,
     flight::{Command, Commanded, Flight, FlightParams, HostFacts, Measured, MotorCommand, Route, Telemetry},
     force_axes::ForceAxes,
+    order_bounds::OrderBounds,
     supervisor::Phase,
-    trajectory::{Limits, Waypoint},
+    trajectory::Waypoint,
     types::{Matrix6, RotorVector, Vector6},
 };
 use tilthex_link::{
@@ -38,6 +39,9 @@ const STANDS: f64 = 1.0;
 
 /// Time between two texts about messages that are not carried out, s: a program that sends many must not fill the line.
 const QUIET: f64 = 0.5;
+
+/// Numbers that differ by less than this part are equal: messages carry rounded ones.
+const ROUNDED: f64 = 1e-6;
 
 /// Parameters of the firmware.
 #[derive(Clone, Copy, Debug)]
@@ -73,6 +77,9 @@ pub struct Firmware {
     inbox: Inbox,
     outbox: Outbox,
     admittance: AdmittanceFilter,
+    /// The diagonal of the mass that is used from the next order for the damping on.
+    mass: Vector6,
+    bounds: OrderBounds,
     host: HostFacts,
     /// The operator whose orders are flown: when the base told something about the operator, s, and how long the operator had
     /// been silent then, s.
@@ -98,6 +105,13 @@ impl Firmware {
             inbox: Inbox::new()?,
             outbox: Outbox::new(),
             admittance: AdmittanceFilter::new(params.flight.controller.admittance)?,
+            mass: params.flight.controller.admittance.mass.diagonal(),
+            bounds: OrderBounds::new(
+                &params.flight.vehicle,
+                &params.flight.controller,
+                &params.flight.guidance.stream,
+                &params.flight.watch,
+            ),
             host: HostFacts::default(),
             operator: None,
             answer: Answer::Nothing,
@@ -225,7 +239,7 @@ impl Firmware {
                 if order.moves() || self.operator.is_some() {
                     self.operator = Some((now, 0.0));
                 }
-                Some(command)
+                command
             }
             Err(reason) => {
                 self.refuse(number, reason);
@@ -239,8 +253,8 @@ impl Firmware {
         self.outbox.say(Severity::Warning, &["order refused: ", reason]);
     }
 
-    /// The command to the flight that carries an order out, or why it cannot be carried out.
-    fn command(&mut self, order: &Order) -> Result<Command, &'static str> {
+    /// The command to the flight that carries an order out, if it needs one, or why it cannot be carried out.
+    fn command(&mut self, order: &Order) -> Result<Option<Command>, &'static str> {
         let supervisor = self.flight.supervisor();
         let phase = supervisor.phase();
         let flies = matches!(phase, Phase::Flying | Phase::Holding) && self.flight.on_mission();
@@ -248,7 +262,7 @@ impl Firmware {
             Order::TakeOff if supervisor.killed() => Err("the motors were killed; restart the board"),
             Order::TakeOff if supervisor.landed() || self.host.land => Err("the last flight is not over"),
             Order::TakeOff if phase != Phase::Disarmed => Err("the vehicle has taken off already"),
-            Order::TakeOff => Ok(Command::TakeOff),
+            Order::TakeOff => Ok(Some(Command::TakeOff)),
             Order::Admittance(part, diagonal) => self.change(*part, diagonal),
             Order::Hold | Order::GoTo(_) | Order::ZeroBias if !flies => {
                 Err("the vehicle takes no motions now")
@@ -256,22 +270,28 @@ impl Firmware {
             Order::Hold => {
                 let setpoint = &self.out.record.setpoint;
                 let limits = self.params.flight.guidance.limits;
-                go_to(&GoTo {
+                let here = GoTo {
                     position_w: setpoint.position_w,
                     rotation_we: setpoint.rotation_we,
                     duration: 0.0,
                     limits,
-                })
+                };
+                Ok(Some(Command::Play(route(&here)?)))
             }
-            Order::GoTo(place) => go_to(place),
-            Order::ZeroBias => Ok(Command::ZeroBias),
+            Order::GoTo(place) => {
+                let route = route(place)?;
+                self.bounds.check_route(&route).map_err(|beyond| beyond.short())?;
+                Ok(Some(Command::Play(route)))
+            }
+            Order::ZeroBias => Ok(Some(Command::ZeroBias)),
             // They are urgent, and do not come here.
             Order::Land | Order::Kill => Err("it has no number"),
         }
     }
 
-    /// Changes a part of the admittance filter.
-    fn change(&mut self, part: Part, diagonal: &Vector6) -> Result<Command, &'static str> {
+    /// Changes a part of the admittance filter. A mass waits for its damping, so that no mass is used with a damping that is
+    /// too weak for it. What stays as it is needs no check: it may have been configured.
+    fn change(&mut self, part: Part, diagonal: &Vector6) -> Result<Option<Command>, &'static str> {
         let params = self.admittance.params();
         let matrices = [&params.mass, &params.damping, &params.stiffness];
         if matrices.iter().any(|matrix| **matrix != Matrix6::from_diagonal(&matrix.diagonal())) {
@@ -279,13 +299,24 @@ impl Firmware {
         }
         let [mut mass, mut damping, mut stiffness] = matrices.map(Matrix6::diagonal);
         match part {
-            Part::Mass => mass = *diagonal,
-            Part::Damping => damping = *diagonal,
+            Part::Mass => {
+                if !alike(diagonal, &mass) {
+                    self.bounds.check_mass(diagonal).map_err(|beyond| beyond.short())?;
+                }
+                self.mass = *diagonal;
+                return Ok(None);
+            }
+            Part::Damping => {
+                if !alike(diagonal, &damping) || !alike(&self.mass, &mass) {
+                    self.bounds.check_damping(&self.mass, diagonal).map_err(|beyond| beyond.short())?;
+                }
+                (mass, damping) = (self.mass, *diagonal);
+            }
             Part::Stiffness => stiffness = *diagonal,
         }
         let filter = self.admittance.with_diagonals(&mass, &damping, &stiffness);
         self.admittance = filter.map_err(|_| "such an admittance is not possible")?;
-        Ok(Command::SetAdmittance(self.admittance))
+        Ok(Some(Command::SetAdmittance(self.admittance)))
     }
 
     /// Gives the rotors their set-points.
@@ -307,8 +338,8 @@ fn set_point(command: &MotorCommand, rotor: usize) -> Drive {
     }
 }
 
-/// The command to fly to a place.
-fn go_to(place: &GoTo) -> Result<Command, &'static str> {
+/// The route to a place.
+fn route(place: &GoTo) -> Result<Route, &'static str> {
     let waypoint = Waypoint {
         position_w: place.position_w,
         rotation_we: place.rotation_we,
@@ -317,6 +348,10 @@ fn go_to(place: &GoTo) -> Result<Command, &'static str> {
         duration: place.duration,
         hold: 0.0,
     };
-    let limits: Limits = place.limits;
-    Route::new(&[waypoint], &limits).map(Command::Play).map_err(|_| "no such motion is possible")
+    Route::new(&[waypoint], &place.limits).map_err(|_| "no such motion is possible")
+}
+
+/// Whether two diagonals are equal, but for the rounding in a message.
+fn alike(one: &Vector6, other: &Vector6) -> bool {
+    one.iter().zip(other.iter()).all(|(one, other)| (one - other).abs() <= ROUNDED * other.abs())
 }

@@ -1,7 +1,6 @@
 //! Orders to a flight as text: JSON lines of the control socket, and TOML trajectory files. The control socket, the program
 //! and the replay of a log use the same parser.
 
-mod bounds;
 mod place;
 #[cfg(test)]
 mod schema;
@@ -17,12 +16,12 @@ use tilthex_core::{
     admittance::AdmittanceFilter,
     flight::{Command, Route},
     force_axes::ForceAxes,
+    order_bounds::{Beyond, OrderBounds},
     so3,
     trajectory::Limits,
 };
 
 use crate::{AdmittanceSection, Config, ConfigError, files, section};
-use bounds::Bounds;
 use place::Geofence;
 pub use place::Place;
 use text::{FollowText, Nothing, RouteText, WrenchText, matrix3};
@@ -34,7 +33,7 @@ pub struct Orders {
     config: Arc<Config>,
     limits: Limits,
     admittance: AdmittanceSection,
-    bounds: Bounds,
+    bounds: OrderBounds,
     geofence: Geofence,
 }
 
@@ -46,7 +45,12 @@ impl Orders {
             config: Arc::new(config.clone()),
             limits: config.mission().limits(),
             admittance: config.admittance().clone(),
-            bounds: Bounds::of(config),
+            bounds: OrderBounds::new(
+                config.vehicle().vehicle(),
+                config.controller(),
+                &config.orders().limits(),
+                &config.supervisor().params(),
+            ),
             geofence: Geofence::of(config),
         }
     }
@@ -88,19 +92,19 @@ impl Orders {
             "zero_bias" => nothing(Command::ZeroBias),
             "play" => {
                 let route = take::<RouteText>(rest)?.route(&self.limits)?;
-                self.bounds.check_route(&route)?;
+                self.bounds.check_route(&route).map_err(sentence)?;
                 Ok(Command::Play(route))
             }
             "follow" => {
                 let setpoint = setpoint(&take(rest)?)?;
-                self.bounds.check_setpoint(&setpoint)?;
+                self.bounds.check_setpoint(&setpoint).map_err(sentence)?;
                 Ok(Command::Follow(setpoint))
             }
             "set_wrench" => {
                 let text = take::<WrenchText>(rest)?;
                 let (wrench_w, force_axes) = (text.wrench(), text.force_axes()?);
                 // The attitude in which the tool will exert the wrench is not known here.
-                self.bounds.check_wrench(&Matrix3::identity(), &wrench_w)?;
+                self.bounds.check_wrench(&Matrix3::identity(), &wrench_w).map_err(sentence)?;
                 Ok(Command::SetWrench(wrench_w, force_axes))
             }
             "set_admittance" => self.set_admittance(take(rest)?),
@@ -117,7 +121,7 @@ impl Orders {
         let section =
             section::changed(&self.admittance, "set_admittance", changes).map_err(|e| e.to_string())?;
         let params = section.params().map_err(|e| e.to_string())?;
-        self.bounds.check_admittance(&params, names_mass, names_damping)?;
+        self.bounds.check_admittance(&params, names_mass, names_damping).map_err(sentence)?;
         let filter = AdmittanceFilter::new(params).map_err(|e: Error| e.to_string())?;
         self.admittance = section;
         Ok(Command::SetAdmittance(filter))
@@ -180,6 +184,10 @@ fn setpoint(text: &FollowText) -> Result<Setpoint, String> {
         force_axes: text.wrench.force_axes()?,
     };
     if setpoint.is_finite() { Ok(setpoint) } else { Err(not_finite()) }
+}
+
+fn sentence(beyond: Beyond) -> String {
+    beyond.to_string()
 }
 
 fn not_finite() -> String {

@@ -6,7 +6,6 @@ use tilthex_core::{
     vehicle::Mounting,
 };
 
-use super::bounds::numbers;
 use crate::Config;
 
 /// The places from which an order is judged, m, world: the start of the flight (or of the next one), and the tool.
@@ -84,4 +83,8 @@ impl Geofence {
             numbers(&place.start_w)
         ))
     }
+}
+
+fn numbers(vector: &Vector3) -> String {
+    format!("[{:.2}, {:.2}, {:.2}]", vector.x, vector.y, vector.z)
 }

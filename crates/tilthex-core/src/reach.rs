@@ -1,8 +1,13 @@
 //! The force that a vehicle can exert with its tool while it hovers.
 
-use tilthex_core::{
-    Matrix3, Vector3, Vehicle, Wrench, allocation::Allocator, so3, types::Vector6, vehicle::Actuation,
+use crate::{
+    Vehicle,
+    allocation::Allocator,
+    so3,
+    types::{Matrix3, Vector3, Vector6, Wrench},
+    vehicle::Actuation,
 };
+use libm::atan2;
 
 /// The rotors produce a wrench if its error (N and N m) is below this part of the weight (N).
 const GIVEN: f64 = 1e-3;
@@ -14,8 +19,8 @@ const HALVINGS: usize = 12;
 const MOST: f64 = 900.0;
 
 /// The wrenches that a vehicle can exert at its tool in hover.
-#[derive(Clone, Debug)]
-pub(crate) struct Reach {
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
     vehicle: Vehicle,
     allocator: Allocator,
     max_turn: f64,
@@ -23,24 +28,28 @@ pub(crate) struct Reach {
 
 impl Reach {
     /// The reach of a vehicle that turns by at most `max_turn`, rad, to produce a lateral force.
-    pub(crate) fn of(vehicle: &Vehicle, max_turn: f64) -> Self {
+    #[must_use]
+    pub fn of(vehicle: &Vehicle, max_turn: f64) -> Self {
         Self { vehicle: *vehicle, allocator: Allocator::new(vehicle), max_turn }
     }
 
     /// Whether the rotors can hold the vehicle at rest, within their limits, while the tool exerts a wrench on its environment
     /// (world, at the tip). The tool has the given attitude, turned if the force needs it.
-    pub(crate) fn exerts(&self, rotation_we: &Matrix3, wrench_w: &Wrench) -> bool {
+    #[must_use]
+    pub fn exerts(&self, rotation_we: &Matrix3, wrench_w: &Wrench) -> bool {
         let asked_wr = rotation_we * self.vehicle.tool().rotation_r.transpose();
         let lift_w = wrench_w.force + Vector3::new(0.0, 0.0, self.vehicle.weight());
         if self.vehicle.actuation() != Actuation::Pose {
             // The thrust is along the vehicle's z axis, which must point in the direction of the wanted force.
-            let level = so3::rot_z(asked_wr[(1, 0)].atan2(asked_wr[(0, 0)]));
+            let level = so3::rot_z(atan2(asked_wr[(1, 0)], asked_wr[(0, 0)]));
             let axis = Vector3::z().cross(&lift_w);
-            let angle = axis.norm().atan2(lift_w.z);
+            let angle = atan2(axis.norm(), lift_w.z);
             return angle <= self.max_turn && self.holds(&(about(&axis, angle) * level), &lift_w, wrench_w);
         }
         let axis = Vector3::z().cross(&wrench_w.force);
-        (0..=TURNS).any(|i| {
+        // A turn helps only a lateral force.
+        let turns = if axis == Vector3::zeros() { 0 } else { TURNS };
+        (0..=turns).any(|i| {
             let turn = about(&axis, self.max_turn * i as f64 / TURNS as f64);
             self.holds(&(turn * asked_wr), &lift_w, wrench_w)
         })
@@ -58,12 +67,14 @@ impl Reach {
     }
 
     /// The largest force that the level vehicle can exert in any direction, N.
-    pub(crate) fn largest_force(&self) -> f64 {
+    #[must_use]
+    pub fn largest_force(&self) -> f64 {
         self.largest(|force| Wrench { force, torque: Vector3::zeros() })
     }
 
     /// The largest torque that the level vehicle can exert in any direction, N m.
-    pub(crate) fn largest_torque(&self) -> f64 {
+    #[must_use]
+    pub fn largest_torque(&self) -> f64 {
         self.largest(|torque| Wrench { force: Vector3::zeros(), torque })
     }
 
