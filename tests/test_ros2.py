@@ -5,6 +5,7 @@ import re
 import socket
 import subprocess
 import sys
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,6 +47,74 @@ def trajectory(points, frame="map"):
         made.append(make("trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", [transform], moving, [], after))
     header = make("std_msgs/msg/Header", make("builtin_interfaces/msg/Time", 0, 0), frame)
     return make("trajectory_msgs/msg/MultiDOFJointTrajectory", header, [], made)
+
+
+@given(rotation=rotations(), position=st.tuples(*[st.floats(-9, 9)] * 3), time=st.integers(0, 2**61))
+def test_transforms_are_the_poses_of_robot_and_tool(rotation, position, time):
+    messages, vehicle = RosMessages(TYPES), tilthex.Vehicle.preset("tilt-hex")
+    row = {"position_w": np.array(position), "orientation": quaternion_from_rotation(rotation)}
+    (robot,) = messages.transforms(time, row).transforms
+    (tool,) = messages.tool(time, vehicle).transforms
+    for found, frames, place, turn in (
+        (robot, ("map", "base_link"), position, rotation),
+        (tool, ("base_link", "tool"), vehicle.tool_position, vehicle.tool_rotation),
+    ):
+        assert (found.header.frame_id, found.child_frame_id) == frames
+        assert found.header.stamp.sec * SECOND + found.header.stamp.nanosec == time
+        motion = found.transform
+        xyzw = [getattr(motion.rotation, name) for name in "xyzw"]
+        assert [getattr(motion.translation, name) for name in "xyz"] == list(place)
+        assert np.allclose(rotations_from_quaternions(np.array([xyzw]))[0], turn, atol=1e-9)
+
+
+class StandIn:
+    """A message of `tf2_msgs`, which ROS on PyPI has not, and a node that keeps what is published."""
+
+    class TFMessage:
+        def __init__(self, transforms):
+            self.transforms = transforms
+
+        @staticmethod
+        def get_fields_and_field_types():
+            return {"transforms": "sequence<geometry_msgs/TransformStamped>"}
+
+    def __init__(self):
+        self.published = {}
+
+    def create_publisher(self, _, topic, qos):
+        self.published[topic] = kept = []
+        self.published[f"{topic} qos"] = qos
+        return SimpleNamespace(publish=kept.append)
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=7 * SECOND))
+
+    def get_logger(self):
+        return SimpleNamespace(warning=self.published.setdefault("warnings", []).append)
+
+
+@pytest.mark.parametrize("installed", (True, False))
+def test_transforms_are_published_where_their_message_is(monkeypatch, installed):
+    qos = pytest.importorskip("rclpy.qos")
+    from tilthex.ros2.outputs import Outputs
+
+    message = ModuleType("tf2_msgs.msg")
+    message.TFMessage = StandIn.TFMessage
+    for name, module in (("tf2_msgs", ModuleType("tf2_msgs")), ("tf2_msgs.msg", message)):
+        monkeypatch.setitem(sys.modules, name, module if installed else None)
+    node, vehicle = StandIn(), tilthex.Vehicle.preset("tilt-hex")
+    Outputs(node, vehicle)
+    if not installed:
+        assert "/tf" not in node.published and "/tf_static" not in node.published
+        assert "tf2_msgs is not installed" in node.published["warnings"][0]
+        return
+    ((tool,),) = (found.transforms for found in node.published["/tf_static"])
+    assert (tool.header.frame_id, tool.child_frame_id, tool.header.stamp.sec) == ("base_link", "tool", 7)
+    at = tool.transform.translation
+    assert [at.x, at.y, at.z] == vehicle.tool_position.tolist()
+    # Who comes later gets it, too.
+    assert node.published["/tf_static qos"].durability == qos.DurabilityPolicy.TRANSIENT_LOCAL
+    assert "/tf" in node.published and "warnings" not in node.published
 
 
 @given(rotation=rotations())
