@@ -126,8 +126,10 @@ def test_a_client_waits_for_slow_states_and_keeps_its_connection():
             assert flight.state()["phase"] == "disarmed"
         # What the flight says before it ends a connection is the error.
         clients = [tilthex.connect(port=port, present=lambda: False) for _ in range(2)]
-        clients[0]._socket.sendall(b"GET / HTTP/1.1\r\n")
-        with pytest.raises(ConnectionError, match="not a JSON object"):
+        clients[0]._socket.sendall(b"x" * (64 * 1024 + 1))
+        # Together with the next request it would be one wrong line.
+        time.sleep(0.5)
+        with pytest.raises(ConnectionError, match="a line is longer than"):
             clients[0].state()
         # A thread that waits for a state does not delay the end of its client.
         states = clients[1].states(rate=0.1)

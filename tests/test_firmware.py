@@ -74,6 +74,40 @@ def test_a_flight_through_the_console(tmp_path):
     assert "vehicle flew by itself" in sentence(run("replay", log), 2)
 
 
+def test_a_client_is_told_what_the_vehicle_answers():
+    with vehicle() as (_, console):
+        options = [*console, "--control", "127.0.0.1:0"]
+        with started("console", *options) as process, tilthex.connect(port=control_port(process)) as flight:
+            wait_for(flight, lambda state: state is not None)
+            flight.take_off()
+            # The console lets it through; the vehicle has not learnt its bias yet.
+            with pytest.raises(
+                tilthex.OrderRefused, match="the vehicle refuses it: the vehicle takes no motions now"
+            ):
+                flight.go_to([0.0, 0.0, 1.0], np.eye(3))
+            on_mission(flight)
+            flight.set_admittance(mass=[3.0, 3.0, 3.0, 0.02, 0.02, 0.04], damping=[20.0] * 3 + [8.0] * 3)
+            for name, value in (("stiffness", [20.0] * 6), ("stiffness", [6.0] * 6)):
+                flight.set_admittance(**{name: value})
+            flight.land()
+            _, errors = process.communicate(timeout=60)
+            assert process.returncode == 0, errors
+        assert "does not answer" not in errors and "other periods" not in errors, errors
+
+
+def test_an_order_that_the_vehicle_does_not_answer_is_told():
+    with vehicle() as (board, console):
+        options = [*console, "--control", "127.0.0.1:0"]
+        with started("console", *options) as process, tilthex.connect(port=control_port(process)) as flight:
+            wait_for(flight, lambda state: state is not None)
+            board.send_signal(signal.SIGSTOP)
+            try:
+                with pytest.raises(tilthex.OrderRefused, match="does not answer to the order to take off"):
+                    flight.take_off()
+            finally:
+                board.send_signal(signal.SIGCONT)
+
+
 def test_another_console_takes_over_and_without_one_the_vehicle_lands(tmp_path):
     with vehicle() as (_, console):
         options = ["console", *console, "--control", "127.0.0.1:0"]

@@ -2,21 +2,30 @@
 
 import copy
 import json
+import socket
+import threading
 from pathlib import Path
 
 import jsonschema
 import pytest
+import tilthex
 from hypothesis import given
 from hypothesis import strategies as st
+from referencing import Registry, Resource
 from test_control_socket import connected, say
 from test_programs import control_port, started
+from tilthex.client import PROTOCOL
 
 pytestmark = pytest.mark.real_time
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "schema"
-ORDERS, STATE = (
-    jsonschema.Draft202012Validator(json.loads((SCHEMA / f"{name}.json").read_text()))
-    for name in ("orders", "state")
+CONTENTS = {path.name: json.loads(path.read_text()) for path in SCHEMA.glob("*.json")}
+REGISTRY = Registry().with_resources(
+    (name, Resource.from_contents(content)) for name, content in CONTENTS.items()
+)
+ORDERS, STATE, ANSWERS = (
+    jsonschema.Draft202012Validator(CONTENTS[f"{name}.json"], registry=REGISTRY)
+    for name in ("orders", "state", "answers")
 )
 LEVEL = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
 GOOD = [
@@ -75,7 +84,9 @@ def test_orders_of_the_documentation_are_of_the_schema(port):
     for order in GOOD:
         ORDERS.validate(order | {"id": 1})
         with connected(port) as client:
-            error = say(client, **order).get("error", "")
+            answer = say(client, **order)
+        ANSWERS.validate(answer)
+        error = answer.get("error", "")
         assert not any(word in error for word in MALFORMED), error
 
 
@@ -83,9 +94,42 @@ def test_orders_of_the_documentation_are_of_the_schema(port):
 def test_what_the_schema_refuses_the_flight_refuses(port, order):
     if not ORDERS.is_valid(order):
         with connected(port) as client:
-            assert "error" in say(client, **order), order
+            answer = say(client, **order)
+        ANSWERS.validate(answer)
+        assert "error" in answer, order
 
 
 def test_the_state_is_of_the_schema(port):
     with connected(port) as client:
         STATE.validate(say(client, command="state")["state"])
+
+
+def test_answers_tell_the_version_of_the_schema(port):
+    with connected(port) as client:
+        answer = say(client, command="state")
+        ANSWERS.validate(answer)
+        assert answer["protocol"] == PROTOCOL
+        assert not ANSWERS.is_valid(answer | {"protocol": PROTOCOL + 1})
+        client.sendall(b'{"command": "stream", "rate": 50}\n')
+        with client.makefile("r", encoding="utf-8") as lines:
+            for line, _ in zip(lines, range(3), strict=False):
+                ANSWERS.validate(json.loads(line))
+
+
+@pytest.mark.parametrize("told", ({}, {"protocol": PROTOCOL + 1}))
+def test_a_client_refuses_another_version_with_one_sentence(told):
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve():
+            connection, _ = server.accept()
+            with connection, connection.makefile("rw", encoding="utf-8") as lines:
+                request = json.loads(lines.readline())
+                lines.write(json.dumps({"id": request["id"], "ok": True, "state": None} | told) + "\n")
+
+        thread = threading.Thread(target=serve)
+        thread.start()
+        with pytest.raises(
+            ConnectionError, match=rf"version {told.get('protocol')} .* expected {PROTOCOL}: "
+        ):
+            tilthex.connect(port=server.getsockname()[1])
+        thread.join()

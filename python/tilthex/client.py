@@ -29,6 +29,11 @@ from tilthex._logged import State
 DEFAULT_PORT = 7410
 # The flight ends the connection of a client that sends a longer line, bytes.
 LONGEST_ORDER = 64 * 1024
+# The version of the control protocol that this client speaks; docs/protocols.md says when it changes.
+PROTOCOL = 1
+# A vehicle that flies itself answers these orders itself. The console waits at most this long for it, s.
+PASSED_ON = frozenset({"take_off", "play", "set_admittance", "zero_bias"})
+LONGEST_ANSWER = 8.0
 # The flight holds if it has not heard from its operator for `[supervisor] operator_timeout`, s.
 HEARTBEAT = 0.2
 
@@ -58,7 +63,7 @@ def connect(
             A thread calls it. Without it, the operator is there while this program runs.
 
     Raises:
-        ConnectionError: No flight listens there.
+        ConnectionError: No flight listens there, or it speaks another version of the control protocol.
         OrderRefused: The token is wrong.
     """
     where = f"{host}:{port}" if path is None else f"unix:{os.fspath(path)}"
@@ -105,6 +110,7 @@ class Flight:
         try:
             if token is not None:
                 self._order("authenticate", token=token)
+            _check_protocol(self._order("state").get("protocol"))
         except BaseException:
             self.close()
             raise
@@ -308,9 +314,10 @@ class Flight:
     def _order(self, command: str, **arguments: Any) -> dict[str, Any]:
         self._id += 1
         self._send({"id": self._id, "command": command, **arguments})
+        later = LONGEST_ANSWER if command in PASSED_ON else 0.0
         reason = "the flight has ended"
         while True:
-            message = self._read()
+            message = self._read(later)
             if message is None:
                 raise ConnectionError(reason)
             if message.get("id") == self._id:
@@ -356,6 +363,15 @@ class Flight:
         # A flight that ends may break off in the middle of a line.
         message: dict[str, Any] | None = json.loads(line) if line.endswith("\n") else None
         return message
+
+
+def _check_protocol(found: object) -> None:
+    """Refuses a flight that speaks another version of the control protocol than this client."""
+    if found != PROTOCOL:
+        raise ConnectionError(
+            f"the flight speaks version {found} of the control protocol; expected {PROTOCOL}: "
+            "use the tilthex of the flight for its clients"
+        )
 
 
 def _array(value: ArrayLike, shape: tuple[int, ...], name: str) -> list[Any]:

@@ -7,7 +7,7 @@ use tilthex_core::{
 };
 use tilthex_link::{
     Outgoing, Severity, Text,
-    onboard::{Answer, Facts, IDENTITY, RecordParts, ToBase},
+    onboard::{Answer, Facts, IDENTITY, Periods, RecordParts, ToBase},
     tk3::{
         ImuFrame, ImuScales, MotorFrame, MotorState, Schedule, Stream, VehicleMessage, nearest_half_period,
     },
@@ -16,12 +16,16 @@ use tilthex_link::{
 /// The units of the counts in the inertial stream.
 const SCALES: ImuScales = ImuScales::MILLI;
 
-/// The part of a record that is sent next. A tick sends one of them at most.
+/// After each of this many records, the periods of the streams are told.
+const RECORDS: u8 = 32;
+
+/// The part of a record that is sent next, and the periods after it. A tick sends one of them at most.
 #[derive(Clone, Copy, Debug)]
 enum Next {
     Flight(RecordParts),
     State(RecordParts),
     Tool(RecordParts),
+    Periods,
 }
 
 /// The sending end of the line.
@@ -92,6 +96,10 @@ impl Outbox {
             }
             Some(Next::Tool(parts)) => {
                 out.append(|b| ToBase::Tool(parts.tool).encode(b));
+                parts.tool.number.is_multiple_of(RECORDS).then_some(Next::Periods)
+            }
+            Some(Next::Periods) => {
+                out.append(|b| ToBase::Periods(self.periods()).encode(b));
                 None
             }
             None if self.records.due(micros) => {
@@ -103,6 +111,15 @@ impl Outbox {
         };
         if !out.bytes().is_empty() {
             board.write(out.bytes());
+        }
+    }
+
+    fn periods(&self) -> Periods {
+        Periods {
+            battery: self.battery.period(),
+            motors: self.motors.period(),
+            imu: self.imu.period(),
+            records: self.records.period(),
         }
     }
 

@@ -17,14 +17,12 @@ use rustix::{
 };
 use tilthex_core::{
     PoseSample,
-    admittance::{AdmittanceFilter, AdmittanceParams},
-    flight::{Command, Record},
+    flight::Record,
     supervisor::{FaultSet, Phase, Reaction, TABLE},
-    types::{Matrix6, Wrench},
 };
 use tilthex_link::{
     Outgoing, Severity, Text,
-    onboard::{Base, Event, Facts, FlightPart, GoTo, Order, Part},
+    onboard::{Base, Event, Facts, FlightPart, Order},
 };
 use tilthex_sim::feed::{Feed, Tick};
 
@@ -47,6 +45,9 @@ const CHUNK: usize = 1024;
 const SILENT: f64 = 1.0;
 /// An interrupt before the start ends the console after this time, s: the vehicle must have heard it.
 const CALLED_OFF: f64 = 0.5;
+
+/// The begin of a text of the vehicle about an order that it refuses.
+const REFUSED: &str = "order refused: ";
 
 /// When the console ends by itself, and what it orders by itself.
 #[derive(Clone, Copy, Debug)]
@@ -82,6 +83,8 @@ struct Memory {
     begin: f64,
     /// Texts that are not logged yet.
     texts: VecDeque<(Severity, Text)>,
+    /// Why the vehicle has refused an order, until its answer comes.
+    reason: Option<String>,
     take_off: bool,
     pose_seen: bool,
     flew: bool,
@@ -102,6 +105,7 @@ impl Console {
         let mut memory = Memory {
             begin,
             texts: VecDeque::new(),
+            reason: None,
             take_off: self.params.take_off,
             pose_seen: false,
             flew: false,
@@ -120,6 +124,7 @@ impl Console {
                 let mut out = Outgoing::default();
                 self.base.part(&mut out);
                 self.port.write(out.bytes());
+                self.waiting.clear("the console ends");
                 return end;
             }
         }
@@ -139,18 +144,28 @@ impl Console {
                 feed.push(&tick(record, memory.texts.pop_front()));
             }
             Event::Text(severity, text) => {
-                say(&format!("the vehicle says: {text}"));
+                let said = text.to_string();
+                say(&format!("the vehicle says: {said}"));
+                memory.reason = said.strip_prefix(REFUSED).map(String::from).or(memory.reason.take());
                 memory.texts.push_back((severity, text));
             }
-            Event::Answered(Order::TakeOff, false) => memory.take_off = false,
-            Event::Answered(..) => {}
-            Event::Unanswered(order) => unanswered(&order),
+            Event::Answered(_, true) => waiting.settle(Ok(())),
+            Event::Answered(order, false) => {
+                memory.take_off &= order != Order::TakeOff;
+                let reason = memory.reason.take();
+                let reason = reason.map_or_else(|| "the vehicle refuses it".into(), |r| format!("the vehicle refuses it: {r}"));
+                waiting.settle(Err(reason));
+            }
+            Event::Unanswered(order) => waiting.settle(Err(unanswered(&order))),
             Event::Restarted(before) => {
-                memory.before = before.or(memory.before);
+                memory.before = Some(before);
                 // They were given to a board that flew, or was ready.
-                waiting.clear();
+                waiting.clear("the vehicle's board has started again");
                 say("warning: the vehicle's board has started again");
             }
+            Event::WrongPeriods(told) => say(&format!(
+                "warning: the vehicle's streams had other periods than ordered, and are set again: {told}; check the line"
+            )),
         });
     }
 
@@ -164,18 +179,20 @@ impl Console {
         }
         let now = seconds();
         if self.flags.kills() {
+            self.waiting.clear("the motors are stopped");
             self.base.order(Order::Kill, now);
         } else if self.flags.lands() {
-            self.waiting.clear();
+            self.waiting.clear("the vehicle lands");
             self.base.order(Order::Land, now);
         } else {
             self.pass_on(memory, now);
         }
         let silence = self.flags.operator_silence(Monotonic.now()) as f64 * 1e-9;
         let mut out = Outgoing::default();
-        self.base.talk(now, silence, &mut out, &mut |event| {
+        let Self { base, waiting, .. } = self;
+        base.talk(now, silence, &mut out, &mut |event| {
             if let Event::Unanswered(order) = event {
-                unanswered(&order);
+                waiting.settle(Err(unanswered(&order)));
             }
         });
         if !out.bytes().is_empty() {
@@ -191,7 +208,7 @@ impl Console {
     /// Gives the next order to the base.
     fn pass_on(&mut self, memory: &mut Memory, now: f64) {
         if self.hold.swap(false, Ordering::Relaxed) {
-            self.waiting.clear();
+            self.waiting.clear("the vehicle was told to hold");
             self.waiting.push(Order::Hold, now);
         }
         let ready = |part: &FlightPart| part.phase == Phase::Disarmed && part.facts.has(Facts::ESTIMATES);
@@ -262,58 +279,6 @@ fn refusals(active: FaultSet) -> FaultSet {
     set
 }
 
-/// Turns commands into orders for the vehicle.
-#[derive(Clone, Copy, Debug)]
-pub struct Carrier {
-    /// The configured admittance: its axes and limits cannot be changed.
-    pub admittance: AdmittanceParams,
-}
-
-impl Carrier {
-    /// The orders that carry out a command.
-    ///
-    /// # Errors
-    /// Why the vehicle cannot get it, in words.
-    pub fn orders(&self, command: &Command) -> Result<Vec<Order>, &'static str> {
-        match command {
-            Command::TakeOff => Ok(vec![Order::TakeOff]),
-            Command::ZeroBias => Ok(vec![Order::ZeroBias]),
-            Command::Play(route) => match route.waypoints() {
-                [place] if place.wrench_w == Wrench::ZERO && !place.force_axes.any() => {
-                    Ok(vec![Order::GoTo(GoTo {
-                        position_w: place.position_w,
-                        rotation_we: place.rotation_we,
-                        duration: place.duration,
-                        limits: *route.limits(),
-                    })])
-                }
-                _ => Err("a vehicle that flies itself takes one way-point without a wrench at a time"),
-            },
-            Command::SetAdmittance(filter) => self.admittance(filter),
-            Command::Follow(_) | Command::SetWrench(..) | Command::ReleaseWrench => {
-                Err("a vehicle that flies itself takes no set-points and no wrenches from the console")
-            }
-        }
-    }
-
-    /// The orders that change the admittance.
-    fn admittance(&self, filter: &AdmittanceFilter) -> Result<Vec<Order>, &'static str> {
-        let params = filter.params();
-        let parts = [
-            (Part::Mass, &params.mass),
-            (Part::Damping, &params.damping),
-            (Part::Stiffness, &params.stiffness),
-        ];
-        let AdmittanceParams { mass, damping, stiffness, .. } = *params;
-        if *params != (AdmittanceParams { mass, damping, stiffness, ..self.admittance })
-            || parts.iter().any(|(_, matrix)| **matrix != Matrix6::from_diagonal(&matrix.diagonal()))
-        {
-            return Err("a vehicle that flies itself takes only diagonal mass, damping and stiffness");
-        }
-        Ok(parts.map(|(part, matrix)| Order::Admittance(part, matrix.diagonal())).into())
-    }
-}
-
 /// A record for the log, with a text of the vehicle.
 fn tick(record: Record, text: Option<(Severity, Text)>) -> Tick {
     let mut tick = Tick { record, ..Tick::default() };
@@ -321,8 +286,11 @@ fn tick(record: Record, text: Option<(Severity, Text)>) -> Tick {
     tick
 }
 
-fn unanswered(order: &Order) {
-    say(&format!("warning: the vehicle does not answer to the order to {}; check the line", order.name()));
+/// Tells that an order was not answered, and returns it as the fate of its command.
+fn unanswered(order: &Order) -> String {
+    let found = format!("the vehicle does not answer to the order to {}; check the line", order.name());
+    say(&format!("warning: {found}"));
+    found
 }
 
 fn say(text: &str) {
@@ -336,37 +304,8 @@ fn seconds() -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tilthex_config::{Config, VehicleSection, orders::Orders};
     use tilthex_core::supervisor::Fault;
     use tilthex_link::onboard::{Answer, RecordParts};
-
-    #[test]
-    fn orders_that_the_vehicle_cannot_get_are_refused() {
-        let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
-        let carrier = Carrier { admittance: config.controller().admittance };
-        let place = r#"{"position": [0, 0, 1], "quaternion_xyzw": [0, 0, 0, 1]}"#;
-        let turn = "[[1,0,0],[0,1,0],[0,0,1]]";
-        for (line, count) in [
-            (r#"{"command": "take_off"}"#.into(), Ok(1)),
-            (r#"{"command": "zero_bias"}"#.into(), Ok(1)),
-            (format!(r#"{{"command": "play", "waypoint": [{place}]}}"#), Ok(1)),
-            (format!(r#"{{"command": "play", "waypoint": [{place}, {place}]}}"#), Err("one way-point")),
-            (r#"{"command": "set_admittance", "stiffness": [9, 9, 9, 8, 8, 8]}"#.into(), Ok(3)),
-            (r#"{"command": "set_admittance", "max_translation": 0.2}"#.into(), Err("only diagonal")),
-            (
-                format!(r#"{{"command": "follow", "position": [0, 0, 1], "rotation": {turn}}}"#),
-                Err("no set-points"),
-            ),
-            (r#"{"command": "release_wrench"}"#.into(), Err("no wrenches")),
-        ] {
-            let command = Orders::new(&config).parse(&line).expect(&line);
-            match (carrier.orders(&command), count) {
-                (Ok(orders), Ok(count)) => assert_eq!(orders.len(), count, "{line}"),
-                (Err(reason), Err(says)) => assert!(reason.contains(says), "{line}: {reason}"),
-                (found, _) => panic!("{line}: {found:?}"),
-            }
-        }
-    }
 
     #[test]
     fn motors_that_are_off_after_a_flight_are_no_landing() {

@@ -5,6 +5,7 @@
 //! threads, which wait-free rings connect with the loop.
 
 pub mod app;
+pub mod carrier;
 mod completion;
 pub mod console;
 pub mod control;

@@ -1,77 +1,121 @@
 //! Orders for a vehicle that flies itself, while they wait for the answer to the one before.
 
-use std::{collections::VecDeque, iter};
+use std::{collections::VecDeque, iter, sync::mpsc::SyncSender};
 
 use rtrb::Consumer;
 use tilthex_core::flight::Command;
 use tilthex_link::onboard::Order;
 
-use crate::console::Carrier;
+use crate::carrier::Carrier;
 
 /// An order that waits for this time, s, is dropped: it must not move the vehicle when nobody expects it any more.
 const LONGEST: f64 = 2.0;
 
+/// What has become of a command: it is carried out, or one sentence.
+pub type Fate = Result<(), String>;
+
+/// A command, and whom to tell what becomes of it.
+#[derive(Debug)]
+pub struct Asked {
+    /// The command.
+    pub command: Command,
+    /// Has room for its fate.
+    pub tell: SyncSender<Fate>,
+}
+
+/// A command whose orders are given one after the other.
+#[derive(Debug)]
+struct Job {
+    orders: VecDeque<Order>,
+    /// Since when it waits, s.
+    since: f64,
+    /// Whether one of its orders was given.
+    begun: bool,
+    tell: Option<SyncSender<Fate>>,
+}
+
+impl Job {
+    /// Nobody may listen any more.
+    fn ends(self, fate: Fate) {
+        if let Some(tell) = self.tell {
+            let _ = tell.try_send(fate);
+        }
+    }
+}
+
 /// The orders that wait. Their number is limited by the ring, in which they stay: who gives one too many is told at once.
 pub struct Waiting {
-    ring: Consumer<Command>,
+    ring: Consumer<Asked>,
     carrier: Carrier,
     /// Since when each command in the ring waits, s.
     since: VecDeque<f64>,
-    /// The orders that carry out the command that was taken last, and since when they wait, s.
-    orders: VecDeque<(Order, f64)>,
+    /// The command that is carried out, and after it the orders of the console itself.
+    jobs: VecDeque<Job>,
 }
 
 impl Waiting {
     /// The orders that come through a ring.
     #[must_use]
-    pub fn new(ring: Consumer<Command>, carrier: Carrier) -> Self {
-        Self { ring, carrier, since: VecDeque::new(), orders: VecDeque::new() }
+    pub fn new(ring: Consumer<Asked>, carrier: Carrier) -> Self {
+        Self { ring, carrier, since: VecDeque::new(), jobs: VecDeque::new() }
     }
 
     /// Puts an order of the console itself after the one that is carried out.
     pub fn push(&mut self, order: Order, now: f64) {
-        self.orders.push_back((order, now));
+        self.jobs.push_back(Job { orders: [order].into(), since: now, begun: false, tell: None });
     }
 
-    /// Drops all orders.
-    pub fn clear(&mut self) {
-        while self.ring.pop().is_ok() {}
-        self.since.clear();
-        self.orders.clear();
+    /// Drops all orders, for a reason.
+    pub fn clear(&mut self, reason: &str) {
+        while let Some(job) = self.take() {
+            self.jobs.push_back(job);
+        }
+        self.jobs.drain(..).for_each(|job| job.ends(Err(reason.into())));
     }
 
     /// The next order, if the vehicle is `free` to take one. Tells about each order that has waited for too long.
     pub fn next(&mut self, free: bool, now: f64, tell: &mut impl FnMut(&Order)) -> Option<Order> {
         let new = self.ring.slots().saturating_sub(self.since.len());
         self.since.extend(iter::repeat_n(now, new));
-        let late = |since: &f64| now - since >= LONGEST;
-        while self.orders.front().is_some_and(|(_, since)| late(since)) {
-            self.orders.pop_front().iter().for_each(|(order, _)| tell(order));
+        let late = |since: f64| now - since >= LONGEST;
+        let mut dropped = |job: Job| {
+            job.orders.iter().for_each(&mut *tell);
+            job.ends(Err("it has waited for the vehicle for too long, and is dropped".into()));
+        };
+        // Those behind a command that is carried out wait for it.
+        while let Some(at) = self.jobs.iter().position(|job| !job.begun && late(job.since)) {
+            self.jobs.remove(at).into_iter().for_each(&mut dropped);
         }
-        while self.since.front().is_some_and(late) {
-            self.take().iter().for_each(|(order, _)| tell(order));
+        while self.since.front().is_some_and(|since| late(*since)) {
+            self.take().into_iter().for_each(&mut dropped);
         }
         if !free {
             return None;
         }
-        if self.orders.is_empty() {
-            let orders = self.take();
-            self.orders.extend(orders);
+        if self.jobs.is_empty() {
+            let job = self.take();
+            self.jobs.extend(job);
         }
-        let (next, _) = self.orders.pop_front()?;
-        // A command is not carried out by half: what is left of it has waited for this order only.
-        self.orders.iter_mut().for_each(|(_, since)| *since = now);
-        Some(next)
+        let job = self.jobs.front_mut()?;
+        job.begun = true;
+        job.orders.pop_front()
     }
 
-    /// Takes a command out of the ring: the orders that carry it out, and since when they wait, s.
-    fn take(&mut self) -> Vec<(Order, f64)> {
-        let Some((command, since)) = self.ring.pop().ok().zip(self.since.pop_front()) else {
-            return Vec::new();
-        };
+    /// Takes what has become of the order that was given last. If it is not carried out, nor is the rest of its command.
+    pub fn settle(&mut self, fate: Fate) {
+        let ended = |job: &Job| job.begun && (fate.is_err() || job.orders.is_empty());
+        if self.jobs.front().is_some_and(ended) {
+            self.jobs.pop_front().into_iter().for_each(|job| job.ends(fate.clone()));
+        }
+    }
+
+    /// Takes a command out of the ring.
+    fn take(&mut self) -> Option<Job> {
+        let Asked { command, tell } = self.ring.pop().ok()?;
+        let since = self.since.pop_front().unwrap_or(f64::NEG_INFINITY);
         // The desk has refused what the vehicle cannot get.
-        let orders = self.carrier.orders(&command).unwrap_or_default();
-        orders.into_iter().map(|order| (order, since)).collect()
+        let orders = self.carrier.orders(&command).unwrap_or_default().into();
+        Some(Job { orders, since, begun: false, tell: Some(tell) })
     }
 }
 
@@ -79,60 +123,103 @@ impl Waiting {
 mod tests {
     use super::*;
     use rtrb::{Producer, RingBuffer};
+    use std::sync::mpsc::{Receiver, sync_channel};
     use tilthex_core::admittance::{AdmittanceFilter, AdmittanceParams};
 
-    /// The orders behind a ring of eight, and what was told.
-    fn waiting() -> (Producer<Command>, Waiting) {
+    /// The orders behind a ring of eight.
+    fn waiting() -> (Producer<Asked>, Waiting) {
         let (ring, commands) = RingBuffer::new(8);
         (ring, Waiting::new(commands, Carrier { admittance: AdmittanceParams::default() }))
+    }
+
+    fn ask(ring: &mut Producer<Asked>, command: Command) -> Receiver<Fate> {
+        let (tell, fate) = sync_channel(1);
+        ring.push(Asked { command, tell }).expect("there is room");
+        fate
+    }
+
+    fn refusal(fate: &Receiver<Fate>) -> String {
+        fate.try_recv().expect("a fate").expect_err("refused")
     }
 
     #[test]
     fn the_ninth_order_finds_no_room_while_the_vehicle_is_busy() {
         let (mut ring, mut waiting) = waiting();
+        let mut fates = Vec::new();
         for _ in 0..8 {
-            ring.push(Command::ZeroBias).expect("there is room");
+            fates.push(ask(&mut ring, Command::ZeroBias));
             assert_eq!(waiting.next(false, 0.0, &mut |order| panic!("{order:?}")), None);
         }
         assert!(ring.is_full());
-        for k in 0..8 {
+        for (k, fate) in (0..).zip(&fates) {
             let next = waiting.next(true, 0.1 * f64::from(k), &mut |order| panic!("{order:?}"));
             assert_eq!(next, Some(Order::ZeroBias));
+            assert!(fate.try_recv().is_err(), "the vehicle has not answered");
+            waiting.settle(Ok(()));
+            assert_eq!(fate.try_recv(), Ok(Ok(())));
         }
         assert_eq!(waiting.next(true, 0.9, &mut |order| panic!("{order:?}")), None);
     }
 
     #[test]
-    fn an_order_that_waits_for_too_long_is_dropped_and_the_operator_is_told() {
+    fn a_command_of_several_orders_is_carried_out_whole_or_ends() {
         let (mut ring, mut waiting) = waiting();
         let filter = AdmittanceFilter::new(AdmittanceParams::default()).expect("valid");
+        let whole = ask(&mut ring, Command::SetAdmittance(filter));
+        for _ in 0..3 {
+            assert!(whole.try_recv().is_err());
+            assert!(matches!(waiting.next(true, 0.0, &mut |_| ()), Some(Order::Admittance(..))));
+            waiting.settle(Ok(()));
+        }
+        assert_eq!(whole.try_recv(), Ok(Ok(())));
+        let ended = ask(&mut ring, Command::SetAdmittance(filter));
+        let next = ask(&mut ring, Command::ZeroBias);
+        assert!(waiting.next(true, 0.0, &mut |_| ()).is_some());
+        waiting.settle(Err("the mass is too small".into()));
+        assert_eq!(refusal(&ended), "the mass is too small");
+        assert_eq!(waiting.next(true, 0.0, &mut |_| ()), Some(Order::ZeroBias));
+        waiting.settle(Ok(()));
+        assert_eq!(next.try_recv(), Ok(Ok(())));
+    }
+
+    #[test]
+    fn an_order_that_waits_for_too_long_is_dropped_and_the_operator_is_told() {
+        let (mut ring, mut waiting) = waiting();
         let mut dropped = Vec::new();
         let mut tell = |order: &Order| dropped.push(*order);
-        ring.push(Command::SetAdmittance(filter)).expect("there is room");
-        assert!(matches!(waiting.next(true, 0.0, &mut tell), Some(Order::Admittance(..))));
-        ring.push(Command::TakeOff).expect("there is room");
+        let given = ask(&mut ring, Command::ZeroBias);
+        assert_eq!(waiting.next(true, 0.0, &mut tell), Some(Order::ZeroBias));
+        let late = ask(&mut ring, Command::TakeOff);
         assert_eq!(waiting.next(false, 0.5, &mut tell), None);
-        ring.push(Command::ZeroBias).expect("there is room");
+        let next = ask(&mut ring, Command::ZeroBias);
         assert_eq!(waiting.next(false, 1.0, &mut tell), None);
-        // The rest of the first order is as old as the order.
-        assert_eq!(waiting.next(true, 2.7, &mut tell), Some(Order::ZeroBias));
+        assert_eq!(waiting.next(false, 2.7, &mut tell), None);
+        assert!(refusal(&late).contains("too long"));
+        waiting.settle(Err("no answer".into()));
+        assert_eq!(refusal(&given), "no answer");
+        assert_eq!(waiting.next(true, 2.8, &mut tell), Some(Order::ZeroBias));
         waiting.push(Order::Hold, 3.0);
-        assert_eq!(waiting.next(false, 9.0, &mut tell), None);
+        waiting.settle(Ok(()));
+        assert_eq!(next.try_recv(), Ok(Ok(())));
         assert_eq!(waiting.next(true, 9.0, &mut tell), None);
-        let [Order::Admittance(..), Order::Admittance(..), Order::TakeOff, Order::Hold] = dropped[..] else {
-            panic!("{dropped:?}")
-        };
+        assert_eq!(dropped, [Order::TakeOff, Order::Hold]);
     }
 
     #[test]
     fn an_order_of_the_console_itself_drops_those_that_wait() {
         let (mut ring, mut waiting) = waiting();
-        ring.push(Command::ZeroBias).expect("there is room");
-        assert_eq!(waiting.next(false, 0.0, &mut |_| ()), None);
-        waiting.clear();
+        let (given, behind) = (ask(&mut ring, Command::ZeroBias), ask(&mut ring, Command::ZeroBias));
+        assert!(waiting.next(true, 0.0, &mut |_| ()).is_some());
+        waiting.clear("H holds");
+        assert_eq!([refusal(&given), refusal(&behind)], ["H holds", "H holds"]);
+        // The answer to the order that was given comes nevertheless.
         waiting.push(Order::Hold, 0.1);
-        ring.push(Command::TakeOff).expect("there is room");
+        waiting.settle(Ok(()));
+        let next = ask(&mut ring, Command::TakeOff);
         assert_eq!(waiting.next(true, 0.2, &mut |_| ()), Some(Order::Hold));
-        assert_eq!(waiting.next(true, 2.1, &mut |_| ()), Some(Order::TakeOff));
+        waiting.settle(Ok(()));
+        assert_eq!(waiting.next(true, 0.3, &mut |_| ()), Some(Order::TakeOff));
+        waiting.settle(Ok(()));
+        assert_eq!(next.try_recv(), Ok(Ok(())));
     }
 }

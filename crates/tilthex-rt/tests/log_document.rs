@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 
 use serde_json::{Map, Value, json};
 use tilthex_rt::{
-    control::BESIDES,
+    control::{BESIDES, PROTOCOL},
     log::{DescribedChannel, DescribedField, described},
 };
 
@@ -107,6 +107,48 @@ fn the_schema_of_the_state_is_the_declarations() {
     schema["title"] = json!("The state of a flight, as the control socket of tilthex-rt tells it");
     let text = serde_json::to_string_pretty(&schema).expect("JSON") + "\n";
     written("docs/schema/state.json", &text);
+}
+
+/// What a client reads. A version of the protocol is for one schema: change it with [`PROTOCOL`].
+#[test]
+fn the_schema_of_the_answers_is_of_this_version() {
+    let (id, state) = (json!({"description": "That of the request."}), json!({"$ref": "state.json"}));
+    let or_none = json!({"anyOf": [state, {"type": "null"}], "description": "Null before the first tick."});
+    let protocol = json!({"const": PROTOCOL, "description": "Version of the protocol; with `state` and `authenticate`."});
+    let schema = json!({
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "A line of JSON from the control socket of tilthex-rt",
+        "oneOf": [
+            {
+                "type": "object",
+                "description": "A request is carried out.",
+                "required": ["id", "ok"],
+                "properties": {
+                    "id": id,
+                    "ok": {"const": true},
+                    "protocol": protocol,
+                    "state": or_none,
+                    "configuration": {"type": "string", "description": "TOML."},
+                },
+            },
+            {
+                "type": "object",
+                "description": "A request is refused, or the connection ends.",
+                "required": ["error"],
+                "properties": {"id": id, "error": {"type": "string", "description": "One sentence."}},
+                "not": {"required": ["ok"]},
+            },
+            {
+                "type": "object",
+                "description": "A line of a stream of states.",
+                "required": ["state"],
+                "properties": {"state": or_none},
+                "additionalProperties": false,
+            },
+        ],
+    });
+    let text = serde_json::to_string_pretty(&schema).expect("JSON") + "\n";
+    written("docs/schema/answers.json", &text);
 }
 
 /// Classes of a state: those within it first.

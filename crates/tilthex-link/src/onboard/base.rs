@@ -1,18 +1,19 @@
 //! The base's end of the conversation: identity, streams, heartbeats, orders until they are answered, and records that are
 //! put together. It never waits.
 
+mod assembled;
+
 use super::{
-    Answer, FAMILY, FlightPart, HEARTBEAT, Order, PoseMessage, REPEAT, RemoteClock, StatePart, ToBase,
-    ToVehicle, ToolPart, UNANSWERED, record::Facts,
+    Answer, FAMILY, FlightPart, HEARTBEAT, Order, Periods, PoseMessage, REPEAT, RemoteClock, StatePart,
+    ToBase, ToVehicle, UNANSWERED, record::Facts,
 };
 use crate::{
     Outgoing, Severity, Text,
     tk3::{HostMessage, MotorFrame, Receiver, Stream, VehicleMessage},
 };
 use tilthex_core::{
-    Error, PoseSample, RotorVector, Setpoint, Vector3, Wrench,
-    admittance::centre_of_mass_reference,
-    flight::{ModelRecord, Record},
+    Error, PoseSample, RotorVector,
+    flight::Record,
     supervisor::{Phase, limits::STREAM_SILENT},
     vehicle::Mounting,
 };
@@ -47,15 +48,24 @@ pub enum Event {
     Answered(Order, bool),
     /// The vehicle has not answered to an order.
     Unanswered(Order),
-    /// The vehicle announces itself without a request: its board has started again. With the last part of a record before.
-    Restarted(Option<FlightPart>),
+    /// The vehicle's board has started again, by what its records tell. With the last part of a record before.
+    Restarted(FlightPart),
+    /// Streams of the vehicle have other periods than ordered; they are set again.
+    WrongPeriods(Periods),
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Stage {
-    Identify { tries: u32, asked: f64 },
+    Identify {
+        tries: u32,
+        asked: f64,
+    },
     Refused,
-    Streams { asked: f64 },
+    /// `again` says that the streams must be set, although they run.
+    Streams {
+        asked: f64,
+        again: bool,
+    },
 }
 
 /// An order on its way.
@@ -72,6 +82,8 @@ struct Pending {
 pub struct Base {
     params: BaseParams,
     stage: Stage,
+    /// The identity of another device, which is asked for a second time. A message of tk3 has no checksum.
+    stranger: Option<Text>,
     receiver: Receiver<ToBase>,
     clock: RemoteClock,
     /// When the last message arrived, s.
@@ -101,6 +113,7 @@ impl Base {
         Ok(Self {
             params,
             stage: Stage::Identify { tries: 0, asked: f64::NEG_INFINITY },
+            stranger: None,
             receiver: Receiver::default(),
             clock: RemoteClock::new()?,
             heard: f64::NEG_INFINITY,
@@ -178,8 +191,16 @@ impl Base {
             self.heard = now;
             match message {
                 ToBase::Tk3(message) => self.take(&message, tell),
+                ToBase::Periods(periods) => self.check(periods, now, tell),
                 ToBase::Flight(part) => {
-                    (self.flight, self.state) = (Some(part), None);
+                    let before = self.flight.replace(part);
+                    self.state = None;
+                    if let Some(before) = before.filter(|before| restarted(before, &part)) {
+                        if let Some(pending) = self.pending.take() {
+                            tell(Event::Unanswered(pending.order));
+                        }
+                        tell(Event::Restarted(before));
+                    }
                     self.note(part.answer.number());
                     self.settle(part.answer, tell);
                 }
@@ -203,22 +224,48 @@ impl Base {
         }
     }
 
+    /// Takes an identity. In a conversation it can be that of a board that starts again and sends nothing until it is asked;
+    /// or an answer that was late, which changes nothing.
     fn identify(&mut self, text: &Text, tell: &mut impl FnMut(Event)) {
         let known = text.as_bytes().starts_with(FAMILY);
-        if !known {
-            tell(Event::Text(Severity::Error, *text));
-        }
-        match self.stage {
-            Stage::Identify { .. } if known => self.stage = Stage::Streams { asked: f64::NEG_INFINITY },
-            Stage::Identify { .. } => self.stage = Stage::Refused,
-            Stage::Streams { .. } if known => {
-                self.stage = Stage::Streams { asked: f64::NEG_INFINITY };
-                if let Some(pending) = self.pending.take() {
-                    tell(Event::Unanswered(pending.order));
+        let set = Stage::Streams { asked: f64::NEG_INFINITY, again: true };
+        match &mut self.stage {
+            Stage::Refused => {}
+            _ if known => self.stage = set,
+            Stage::Streams { .. } => tell(Event::Text(Severity::Error, *text)),
+            Stage::Identify { tries, asked } => match self.stranger.replace(*text) {
+                Some(before) if before == *text => {
+                    tell(Event::Text(Severity::Error, *text));
+                    self.stage = Stage::Refused;
                 }
-                tell(Event::Restarted(self.flight.take()));
-            }
-            Stage::Streams { .. } | Stage::Refused => {}
+                before => {
+                    // Answered at once, and without a try the first time: perhaps this was the answer to the last one.
+                    *asked = f64::NEG_INFINITY;
+                    *tries = tries.saturating_sub(before.is_none().into());
+                }
+            },
+        }
+    }
+
+    /// The periods that the streams must have.
+    fn periods(&self) -> Periods {
+        Periods {
+            battery: self.params.battery_period_us,
+            motors: self.params.record_period_us,
+            imu: 0,
+            records: self.params.record_period_us,
+        }
+    }
+
+    /// Compares the periods that the vehicle tells. What it told before it was asked is old.
+    fn check(&mut self, told: Periods, now: f64, tell: &mut impl FnMut(Event)) {
+        let wanted = self.periods();
+        if let Stage::Streams { asked, again } = &mut self.stage
+            && told != wanted
+            && now - *asked >= STREAM_SILENT
+        {
+            *again = true;
+            tell(Event::WrongPeriods(told));
         }
     }
 
@@ -248,37 +295,6 @@ impl Base {
         tell(Event::Answered(pending.order, matches!(answer, Answer::Accepted(_))));
     }
 
-    /// The record whose last part has arrived, if its other parts have.
-    fn record(&mut self, tool: &ToolPart, now: f64) -> Option<Record> {
-        let flight = self.flight.filter(|part| part.number == tool.number)?;
-        let state = self.state.take().filter(|part| part.number == tool.number)?.state;
-        let time = self.clock.sent(flight.time, now);
-        let reference = Setpoint::hold(tool.position_w, tool.rotation_we);
-        let mut record = unknown();
-        record.tick = self.records;
-        record.dt = self.last_time.replace(time).map_or(0.0, |last| time - last);
-        (record.input.time, record.state_time) = (time, time);
-        (record.phase, record.faults, record.start_w) = (flight.phase, flight.faults, flight.start_w);
-        record.pose_age =
-            if flight.pose_age == u16::MAX { f64::NAN } else { 1e-3 * f64::from(flight.pose_age) };
-        record.compliant = flight.facts.has(Facts::COMPLIANT);
-        record.saturated = flight.facts.has(Facts::SATURATED);
-        record.excursion_limited = flight.facts.has(Facts::EXCURSION_LIMITED);
-        record.state = state;
-        record.wrench_tool_w = tool.wrench_w;
-        let wanted_w = centre_of_mass_reference(&reference, &self.params.tool).position_w;
-        record.position_error_w = wanted_w - state.position_w;
-        record.reference = reference;
-        record.setpoint = Setpoint::hold(flight.setpoint_w, flight.setpoint_we);
-        record.rotor_speeds = self.speeds;
-        record.current = self.currents.sum();
-        record.battery = self.battery;
-        let counters = self.receiver.counters();
-        (record.counters.messages, record.counters.refused_frames) = (counters.messages, counters.refused());
-        self.records += 1;
-        Some(record)
-    }
-
     /// Writes what the conversation needs at `now`, s: requests, the heartbeat of an operator who was last heard `silence` s
     /// ago, and orders that are not answered. Tells about an order to which no answer came.
     pub fn talk(&mut self, now: f64, silence: f64, out: &mut Outgoing, tell: &mut impl FnMut(Event)) {
@@ -298,11 +314,11 @@ impl Base {
                 }
                 return;
             }
-            Stage::Streams { asked } => {
+            Stage::Streams { asked, again } => {
                 let silent = self.silence(now) >= STREAM_SILENT || self.flight.is_none();
-                if silent && now - asked >= STREAM_SILENT {
-                    self.ask(out);
-                    self.stage = Stage::Streams { asked: now };
+                if again || silent && now - asked >= STREAM_SILENT {
+                    set(&self.periods(), out);
+                    self.stage = Stage::Streams { asked: now, again: false };
                 }
             }
         }
@@ -323,18 +339,6 @@ impl Base {
         }
     }
 
-    /// Asks for the streams.
-    fn ask(&self, out: &mut Outgoing) {
-        let rate = |stream, period_us| ToVehicle::Tk3(HostMessage::Rate { stream, period_us });
-        for message in [
-            rate(Stream::Battery, self.params.battery_period_us),
-            rate(Stream::Motors, self.params.record_period_us),
-            ToVehicle::Records(self.params.record_period_us),
-        ] {
-            out.append(|b| message.encode(b));
-        }
-    }
-
     /// Repeats the urgent order until the vehicle obeys.
     fn insist(&mut self, now: f64, out: &mut Outgoing) {
         let Some(order) = self.urgent else { return };
@@ -350,39 +354,29 @@ impl Base {
 
     /// Writes the messages that end the conversation: the streams stop.
     pub fn part(&self, out: &mut Outgoing) {
-        let rate = |stream| ToVehicle::Tk3(HostMessage::Rate { stream, period_us: 0 });
-        for message in [rate(Stream::Battery), rate(Stream::Motors), ToVehicle::Records(0)] {
-            out.append(|b| message.encode(b));
-        }
+        set(&Periods::default(), out);
     }
 }
 
-/// A record whose values are not known.
-fn unknown() -> Record {
-    let (none, nowhere) = (f64::NAN, Vector3::repeat(f64::NAN));
-    let wrench = Wrench { force: nowhere, torque: nowhere };
-    Record {
-        gyro_bias_i: nowhere,
-        accelerometer_bias_i: nowhere,
-        deviation: [none; 3],
-        innovation: none,
-        latency: none,
-        specific_force_r: nowhere,
-        wrench_robot: wrench,
-        wrench_contact_w: wrench,
-        wrench_admittance_w: wrench,
-        wind_w: nowhere,
-        contact_likelihood: none,
-        rotation_error_r: nowhere,
-        energy_tank: none,
-        rotor_command: RotorVector::repeat(none),
-        model: ModelRecord {
-            mass: none,
-            centre_of_mass_r: nowhere,
-            false_force: none,
-            false_torque: none,
-            ..ModelRecord::default()
-        },
-        ..Record::default()
+/// Writes the messages that set the periods of the streams.
+fn set(periods: &Periods, out: &mut Outgoing) {
+    let rate = |stream, period_us| ToVehicle::Tk3(HostMessage::Rate { stream, period_us });
+    for message in [
+        rate(Stream::Battery, periods.battery),
+        rate(Stream::Motors, periods.motors),
+        rate(Stream::Imu, periods.imu),
+        ToVehicle::Records(periods.records),
+    ] {
+        out.append(|b| message.encode(b));
     }
+}
+
+/// Whether a board has started again between two of its records. Then it knows no order and no flight any more, or its clock
+/// goes back; its first messages may be lost. Records have a checksum and keep their sequence.
+fn restarted(before: &FlightPart, after: &FlightPart) -> bool {
+    let forgets = |fact| before.facts.has(fact) && !after.facts.has(fact);
+    before.answer.number() != 0 && after.answer.number() == 0
+        || forgets(Facts::LANDED)
+        || forgets(Facts::KILLED)
+        || (after.time.wrapping_sub(before.time) as i32) < 0
 }

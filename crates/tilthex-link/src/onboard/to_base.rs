@@ -1,6 +1,9 @@
 //! Messages from the vehicle to the base.
 
-use super::record::{FlightPart, StatePart, ToolPart};
+use super::{
+    periods::Periods,
+    record::{FlightPart, StatePart, ToolPart},
+};
 use crate::tk3::{Frame, Message, Refusal, VehicleMessage};
 
 /// A message from the vehicle to the base.
@@ -14,6 +17,8 @@ pub enum ToBase {
     State(StatePart),
     /// The tool in a record.
     Tool(ToolPart),
+    /// The periods of the streams.
+    Periods(Periods),
 }
 
 impl ToBase {
@@ -25,6 +30,7 @@ impl ToBase {
             Self::Flight(part) => part.frame(),
             Self::State(part) => part.frame(),
             Self::Tool(part) => part.frame(),
+            Self::Periods(periods) => periods.frame(),
         }
     }
 
@@ -41,6 +47,7 @@ impl Message for ToBase {
             Some(b'F') => FlightPart::parse(body).map(Self::Flight),
             Some(b'S') => StatePart::parse(body).map(Self::State),
             Some(b'W') => ToolPart::parse(body).map(Self::Tool),
+            Some(b'P') => Periods::parse(body).map(Self::Periods),
             _ => VehicleMessage::parse(body).map(Self::Tk3),
         }
     }

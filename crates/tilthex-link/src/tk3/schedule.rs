@@ -3,7 +3,7 @@
 /// One stream that the host may request.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Schedule {
-    period: u64,
+    period: u32,
     next: u64,
     sequence: u8,
 }
@@ -11,8 +11,14 @@ pub struct Schedule {
 impl Schedule {
     /// Sets the period, us; 0 turns the stream off.
     pub fn set(&mut self, period: u32, now: u64) {
-        self.period = u64::from(period);
-        self.next = now + self.period;
+        self.period = period;
+        self.next = now + u64::from(period);
+    }
+
+    /// The period, us.
+    #[must_use]
+    pub fn period(&self) -> u32 {
+        self.period
     }
 
     /// Whether a sample is due. The times of the samples stay multiples of the period.
@@ -21,7 +27,8 @@ impl Schedule {
         if self.period == 0 || now < self.next {
             return false;
         }
-        self.next += self.period * ((now - self.next) / self.period + 1);
+        let period = u64::from(self.period);
+        self.next += period * ((now - self.next) / period + 1);
         self.sequence = self.sequence.wrapping_add(1);
         true
     }

@@ -11,7 +11,6 @@ use std::{
 
 use rtrb::RingBuffer;
 use tilthex_config::orders::Orders;
-use tilthex_core::flight::Command;
 use tilthex_link::onboard::{Base, BaseParams};
 
 use super::{
@@ -22,8 +21,9 @@ use super::{
 };
 use crate::{
     Failure,
-    console::{Carrier, Console, ConsoleParams},
-    control::{ControlSocket, Desk},
+    carrier::Carrier,
+    console::{Console, ConsoleParams},
+    control::{ControlSocket, Desk, Way},
     flags::Flags,
     keys::{self, Keys},
     log::{Attachments, LogFile},
@@ -85,12 +85,13 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let log = path.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
     let attached = Attachments { take_off: args.take_off, on_board: true, ..Attachments::default() };
     let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached))?;
-    let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
+    let (commands_in, commands) = RingBuffer::new(COMMAND_RING);
     let carrier = Carrier { admittance: config.controller().admittance };
     let control = match &args.control.control {
         Some(address) => {
-            let desk = Desk::new(Orders::new(&config), commands_in, recorder.observer(), flags.clone());
-            Some(ControlSocket::start(address, token, desk.through(carrier))?)
+            let way = Way::Board(commands_in, Box::new(carrier));
+            let desk = Desk::new(Orders::new(&config), way, recorder.observer(), flags.clone());
+            Some(ControlSocket::start(address, token, desk)?)
         }
         None => None,
     };

@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     Failure,
-    control::{ControlSocket, Desk},
+    control::{ControlSocket, Desk, Way},
     control_loop::{ControlLoop, End, LoopParams},
     flags::Flags,
     keys::{self, Keys},
@@ -83,7 +83,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let orders = Orders::new(&config);
     let control = match &args.control.control {
         Some(address) => {
-            let desk = Desk::new(orders, commands_in, recorder.observer(), flags.clone());
+            let desk = Desk::new(orders, Way::Loop(commands_in), recorder.observer(), flags.clone());
             Some(ControlSocket::start(address, token, desk)?)
         }
         None => None,

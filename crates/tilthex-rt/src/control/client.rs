@@ -81,6 +81,9 @@ impl Connection {
             self.say(&reason)?;
             return Err(ErrorKind::TimedOut.into());
         }
+        for answer in self.session.answers() {
+            self.say(&answer)?;
+        }
         match self.session.due(now) {
             Some(state) => self.say(&state),
             None => Ok(()),

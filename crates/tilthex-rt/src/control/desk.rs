@@ -1,6 +1,9 @@
 //! The desk decides about orders: who may give them, whether they can be obeyed now, and how they reach the loop.
 
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{
+    Mutex, MutexGuard, PoisonError,
+    mpsc::{Receiver, sync_channel},
+};
 
 use rtrb::Producer;
 use tilthex_config::orders::{Orders, Place};
@@ -8,11 +11,60 @@ use tilthex_core::{flight::Command, supervisor::Phase};
 
 use super::places::Id;
 use crate::{
-    console::Carrier,
+    carrier::Carrier,
     flags::Flags,
     recorder::{Latest, Observer},
     sleeper::Nanos,
+    waiting::{Asked, Fate},
 };
+
+/// The way of orders to the flight.
+#[derive(Debug)]
+pub enum Way {
+    /// To the loop, which obeys in its next tick.
+    Loop(Producer<Command>),
+    /// Through a console to a vehicle that flies itself, and which answers.
+    Board(Producer<Asked>, Box<Carrier>),
+}
+
+impl Way {
+    fn is_full(&self) -> bool {
+        match self {
+            Self::Loop(ring) => ring.is_full(),
+            Self::Board(ring, _) => ring.is_full(),
+        }
+    }
+
+    /// Why an order cannot be passed on.
+    fn check(&self, command: &Command) -> Result<(), &'static str> {
+        match self {
+            Self::Loop(_) => Ok(()),
+            Self::Board(_, carrier) => carrier.orders(command).map(|_| ()),
+        }
+    }
+
+    /// Passes an order on. Returns where its fate will come, if it is not certain now.
+    fn push(&mut self, command: Command) -> Result<Option<Receiver<Fate>>, &'static str> {
+        let passed = match self {
+            Self::Loop(ring) => ring.push(command).ok().map(|()| None),
+            Self::Board(ring, _) => {
+                let (tell, fate) = sync_channel(1);
+                ring.push(Asked { command, tell }).ok().map(|()| Some(fate))
+            }
+        };
+        passed.ok_or("the loop takes no orders")
+    }
+}
+
+/// An order whose fate is not certain yet.
+#[derive(Debug)]
+pub(super) struct Pending {
+    /// Where its fate comes.
+    pub(super) fate: Receiver<Fate>,
+    /// The number of this change of the parser, and the parser before it.
+    change: u64,
+    before: Orders,
+}
 
 /// Passes orders to the loop and to the log, in the same sequence.
 #[derive(Debug)]
@@ -20,15 +72,15 @@ pub struct Desk {
     counter: Mutex<Counter>,
     observer: Observer,
     flags: Flags,
-    /// For a vehicle that flies itself: which orders can be passed on to it.
-    carrier: Option<Carrier>,
 }
 
 /// State that only one order at a time may change.
 #[derive(Debug)]
 struct Counter {
     orders: Orders,
-    ring: Producer<Command>,
+    way: Way,
+    /// Number of orders that were passed on.
+    changes: u64,
     holder: Option<(Id, String)>,
     /// Whether the newest motion order was a set-point of a stream.
     streams: bool,
@@ -49,17 +101,11 @@ pub(super) struct Client {
 }
 
 impl Desk {
-    /// A desk that parses with `orders`, and passes orders to the loop (`ring`, `flags`) and to the recorder (`observer`).
+    /// A desk that parses with `orders`, and passes orders to the flight (`way`, `flags`) and to the recorder (`observer`).
     #[must_use]
-    pub fn new(orders: Orders, ring: Producer<Command>, observer: Observer, flags: Flags) -> Self {
-        let counter = Mutex::new(Counter { orders, ring, holder: None, streams: false });
-        Self { counter, observer, flags, carrier: None }
-    }
-
-    /// The same for a vehicle that flies itself: refuses orders that cannot be passed on to it.
-    #[must_use]
-    pub fn through(self, carrier: Carrier) -> Self {
-        Self { carrier: Some(carrier), ..self }
+    pub fn new(orders: Orders, way: Way, observer: Observer, flags: Flags) -> Self {
+        let counter = Mutex::new(Counter { orders, way, changes: 0, holder: None, streams: false });
+        Self { counter, observer, flags }
     }
 
     fn counter(&self) -> MutexGuard<'_, Counter> {
@@ -79,11 +125,18 @@ impl Desk {
         self.observer.command(now as f64 * 1e-9, line, true);
     }
 
-    /// Takes an order of a client and passes it to the flight.
+    /// Takes an order of a client and passes it to the flight. Returns the order if only the vehicle knows whether it is
+    /// carried out.
     ///
     /// # Errors
     /// One sentence: another client holds the controls, the order is wrong, or it cannot be obeyed now.
-    pub(super) fn order(&self, client: &Client, name: &str, line: String, now: Nanos) -> Result<(), String> {
+    pub(super) fn order(
+        &self,
+        client: &Client,
+        name: &str,
+        line: String,
+        now: Nanos,
+    ) -> Result<Option<Pending>, String> {
         let (situation, place) =
             self.observer.look(|latest| (Situation::of(latest, &self.flags), place(latest)));
         let mut counter = self.counter();
@@ -101,16 +154,15 @@ impl Desk {
         if let Some(reason) = situation.refusal(&command, counter.streams) {
             return Err(format!("{name}: {reason}"));
         }
-        if let Some(carrier) = &self.carrier {
-            carrier.orders(&command).map_err(|reason| format!("{name}: {reason}"))?;
-        }
+        counter.way.check(&command).map_err(|reason| format!("{name}: {reason}"))?;
         if let Some(place) = place {
             orders.check_place(&command, &place)?;
         }
-        if counter.ring.is_full() {
+        if counter.way.is_full() {
             return Err("the loop has not taken the orders before this one; try again".into());
         }
-        counter.orders = orders;
+        let before = std::mem::replace(&mut counter.orders, orders);
+        counter.changes += 1;
         match &command {
             Command::Follow(_) => counter.streams = true,
             Command::Play(_) => counter.streams = false,
@@ -123,7 +175,17 @@ impl Desk {
         if moves(&command) || self.flags.has_operator() {
             self.flags.hear(now);
         }
-        counter.ring.push(command).map_err(|_| "the loop takes no orders".into())
+        let (fate, change) = (counter.way.push(command)?, counter.changes);
+        Ok(fate.map(|fate| Pending { fate, change, before }))
+    }
+
+    /// Notes that the vehicle does not carry an order out: what it has changed in the parser is as before, unless another
+    /// order has come since.
+    pub(super) fn undo(&self, pending: Pending) {
+        let mut counter = self.counter();
+        if counter.changes == pending.change {
+            counter.orders = pending.before;
+        }
     }
 
     /// The configuration of the flight as TOML, with the changes by orders.

@@ -24,7 +24,7 @@ use std::{
 };
 
 pub use address::DEFAULT_ADDRESS;
-pub use desk::Desk;
+pub use desk::{Desk, Way};
 pub use state::BESIDES;
 pub use token::Token;
 
@@ -36,6 +36,10 @@ use crate::{
     Failure,
     sleeper::{Clock, Monotonic},
 };
+
+/// The version of the protocol. It changes when a client that speaks the version before would misunderstand a line, or be
+/// misunderstood. New commands, new keys of answers and new values of the state change nothing for such a client.
+pub const PROTOCOL: u64 = 1;
 
 /// Time between two attempts to find a place for a new connection.
 const WAIT: Duration = Duration::from_millis(5);

@@ -2,15 +2,15 @@
 //! time.
 
 use std::{
-    sync::{Arc, atomic::Ordering},
+    sync::{Arc, atomic::Ordering, mpsc::TryRecvError},
     time::Duration,
 };
 
 use serde_json::{Map, Value, json};
 
 use super::{
-    Shared,
-    desk::{Client, Urgent},
+    PROTOCOL, Shared,
+    desk::{Client, Pending, Urgent},
     state::state,
 };
 use crate::sleeper::Nanos;
@@ -33,6 +33,16 @@ pub(super) struct Session {
     /// Time at which it connected, or ended its last line.
     since: Nanos,
     stream: Option<Stream>,
+    /// Orders that are answered when the vehicle has answered.
+    pending: Vec<Unanswered>,
+}
+
+/// An order that is not answered yet.
+#[derive(Debug)]
+struct Unanswered {
+    id: Value,
+    name: String,
+    pending: Pending,
 }
 
 /// A stream of states.
@@ -61,7 +71,7 @@ impl Session {
     /// A conversation with a client that has just connected.
     pub(super) fn new(client: Client, shared: Arc<Shared>, now: Nanos) -> Self {
         let admitted = shared.token.is_none();
-        Self { client, shared, admitted, known: false, since: now, stream: None }
+        Self { client, shared, admitted, known: false, since: now, stream: None, pending: Vec::new() }
     }
 
     /// Takes a complete line.
@@ -117,14 +127,48 @@ impl Session {
                     json!({"id": id, "ok": true, "configuration": self.shared.desk.configuration()}),
                 );
             }
-            "state" => return Reply::of(json!({"id": id, "ok": true, "state": self.state()})),
+            "state" => {
+                return Reply::of(json!({"id": id, "ok": true, "protocol": PROTOCOL, "state": self.state()}));
+            }
             "stream" => self.set_stream(&request, now),
-            _ => self.shared.desk.order(&self.client, &name, Value::Object(request).to_string(), now),
+            _ => match self.shared.desk.order(&self.client, &name, Value::Object(request).to_string(), now) {
+                Ok(Some(pending)) => {
+                    self.pending.push(Unanswered { id, name, pending });
+                    return Reply { line: None, ends: false };
+                }
+                Ok(None) => Ok(()),
+                Err(reason) => Err(reason),
+            },
         };
-        Reply::of(match done {
+        Reply::of(self.answer(id, done))
+    }
+
+    fn answer(&self, id: Value, done: Result<(), String>) -> Value {
+        match done {
             Ok(()) => json!({"id": id, "ok": true}),
             Err(reason) => self.refuse(id, &reason),
-        })
+        }
+    }
+
+    /// The answers to orders that the vehicle has answered since the last call.
+    pub(super) fn answers(&mut self) -> Vec<Value> {
+        let mut answers = Vec::new();
+        for order in std::mem::take(&mut self.pending) {
+            let done = match order.pending.fate.try_recv() {
+                Ok(fate) => fate,
+                Err(TryRecvError::Disconnected) => Err("the console has ended".into()),
+                Err(TryRecvError::Empty) => {
+                    self.pending.push(order);
+                    continue;
+                }
+            };
+            let Unanswered { id, name, pending } = order;
+            if done.is_err() {
+                self.shared.desk.undo(pending);
+            }
+            answers.push(self.answer(id, done.map_err(|reason| format!("{name}: {reason}"))));
+        }
+        answers
     }
 
     /// Takes the token. Before the token, every other request is refused.
@@ -136,7 +180,7 @@ impl Session {
             (Some(_), None) => false,
         };
         if self.admitted {
-            return Reply::of(json!({"id": id, "ok": true}));
+            return Reply::of(json!({"id": id, "ok": true, "protocol": PROTOCOL}));
         }
         let reason = "authenticate: the token is wrong or missing; this flight takes orders only from clients that first send its token";
         Reply { line: Some(self.refuse(id, reason)), ends: true }

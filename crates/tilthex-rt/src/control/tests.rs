@@ -13,20 +13,26 @@ use tilthex_core::{
 use tilthex_sim::feed::{Feed, Tick};
 
 use super::{
-    Desk, Shared, Token,
+    Desk, PROTOCOL, Shared, Token, Way,
     desk::Client,
     session::{PATIENCE, Reply, Session},
 };
 use crate::{
+    carrier::Carrier,
     flags::Flags,
     log::Attachments,
     recorder::{Recorder, RecorderParams},
+    waiting::Asked,
 };
 
 const SECOND: u64 = 1_000_000_000;
 const FOLLOW: &str =
     r#"{"id": 1, "command": "follow", "position": [0,0,1], "rotation": [[1,0,0],[0,1,0],[0,0,1]]}"#;
 const RING: usize = 4;
+
+fn config() -> Config {
+    Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"))
+}
 
 /// A desk, the rings and flags behind it, and a flight in hover.
 struct Office {
@@ -39,9 +45,19 @@ struct Office {
 
 impl Office {
     fn new(token: Option<Token>) -> Self {
-        let config = Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset"));
-        let orders = Orders::new(&config);
         let (ring, commands) = RingBuffer::new(RING);
+        Self::with(token, Way::Loop(ring), commands)
+    }
+
+    /// The office of a console, and what its vehicle is asked.
+    fn of_console() -> (Self, Consumer<Asked>) {
+        let (ring, asked) = RingBuffer::new(RING);
+        let carrier = Carrier { admittance: config().controller().admittance };
+        (Self::with(None, Way::Board(ring, Box::new(carrier)), RingBuffer::new(RING).1), asked)
+    }
+
+    fn with(token: Option<Token>, way: Way, commands: Consumer<Command>) -> Self {
+        let orders = Orders::new(&config());
         let (recorder, feed, _) = Recorder::start(RecorderParams {
             log: None,
             black_box: "none".into(),
@@ -50,7 +66,7 @@ impl Office {
         })
         .expect("starts");
         let flags = Flags::default();
-        let desk = Desk::new(orders, ring, recorder.observer(), flags.clone());
+        let desk = Desk::new(orders, way, recorder.observer(), flags.clone());
         let shared = Arc::new(Shared {
             desk,
             token,
@@ -211,7 +227,7 @@ fn everybody_reads_the_configuration_with_its_changes() {
         let text = line["configuration"].as_str().expect("a text").to_owned();
         Config::from_text(&text, std::path::Path::new("")).expect("a configuration")
     };
-    assert_eq!(read(&mut reader), Config::default_for(VehicleSection::preset("tilt-hex").expect("a preset")));
+    assert_eq!(read(&mut reader), config());
     let order = r#"{"command": "set_admittance", "stiffness": [6, 6, 6, 10, 10, 5]}"#;
     assert!(ok(&say(&mut operator, order)));
     let stiffness = read(&mut reader).controller().admittance.stiffness;
@@ -219,6 +235,74 @@ fn everybody_reads_the_configuration_with_its_changes() {
     // A refused order changes nothing.
     assert!(!ok(&say(&mut operator, r#"{"command": "set_admittance", "stiffness": [-1, 6, 6, 10, 10, 5]}"#)));
     assert_eq!(read(&mut reader).controller().admittance.stiffness, stiffness);
+}
+
+/// A console's client is told what the vehicle has answered, and not that the order was passed on.
+#[test]
+fn an_order_is_answered_when_the_vehicle_has_answered() {
+    let (mut office, mut asked) = Office::of_console();
+    let mut client = office.client();
+    let order = |id, k| {
+        format!(r#"{{"id": {id}, "command": "set_admittance", "stiffness": [{k}, 6, 6, 10, 10, 5]}}"#)
+    };
+    let nothing = Reply { line: None, ends: false };
+    for (id, k) in [(1, 7.0), (2, 8.0)] {
+        assert_eq!(say(&mut client, &order(id, k)), nothing);
+    }
+    assert!(client.answers().is_empty());
+    let stiffness = |client: &mut Session| {
+        let line = say(client, r#"{"command": "configuration"}"#).line.expect("an answer");
+        let text = line["configuration"].as_str().expect("a text").to_owned();
+        let config = Config::from_text(&text, std::path::Path::new("")).expect("a configuration");
+        config.controller().admittance.stiffness[(0, 0)]
+    };
+    let mut answer = |fate| asked.pop().expect("passed on").tell.try_send(fate).expect("room");
+    answer(Ok(()));
+    assert_eq!(client.answers(), [json!({"id": 1, "ok": true})]);
+    answer(Err("the vehicle refuses it: smoke".into()));
+    assert_eq!(
+        client.answers(),
+        [json!({"id": 2, "error": "set_admittance: the vehicle refuses it: smoke"})]
+    );
+    assert_eq!(stiffness(&mut client), 7.0, "what is refused changes nothing");
+    assert_eq!(say(&mut client, &order(3, 9.0)), nothing);
+    // Kill and land do not wait.
+    assert!(ok(&say(&mut client, r#"{"command": "land"}"#)));
+    drop(asked.pop());
+    assert_eq!(client.answers(), [json!({"id": 3, "error": "set_admittance: the console has ended"})]);
+    assert_eq!(office.shared.refused.load(std::sync::atomic::Ordering::Relaxed), 2);
+}
+
+/// The limits are those of a flight, before anything is sent.
+#[test]
+fn a_console_refuses_what_a_flight_refuses() {
+    let (mut office, asked) = Office::of_console();
+    let mut client = office.client();
+    let place = r#""waypoint": [{"position": [0, 0, 1]}]"#;
+    for (order, says) in [
+        (format!(r#"{{"command": "play", {place}, "limits": {{"velocity": 100}}}}"#), "[orders]"),
+        (
+            r#"{"command": "play", "waypoint": [{"position": [0, 0, 1], "yaw_pitch_roll_deg": [0, 180, 0]}]}"#.into(),
+            "attitude",
+        ),
+        (r#"{"command": "set_admittance", "mass": [1e-3, 1, 1, 0.01, 0.01, 0.02]}"#.into(), "lightest"),
+        (r#"{"command": "set_wrench", "force": [500, 0, 0]}"#.into(), "max_force"),
+        (r#"{"command": "set_wrench", "force": [1, 0, 0]}"#.into(), "no wrenches"),
+        (FOLLOW.into(), "no set-points"),
+    ] {
+        let reply = say(&mut client, &order);
+        assert!(error(&reply).contains(says), "{order}: {reply:?}");
+    }
+    assert_eq!(asked.slots(), 0);
+}
+
+#[test]
+fn the_version_is_told_before_the_first_order() {
+    let mut office = Office::new(None);
+    let reply = say(&mut office.client(), r#"{"id": 1, "command": "state"}"#).line.expect("an answer");
+    assert_eq!(reply["protocol"], json!(PROTOCOL));
+    let reply = say(&mut office.client(), r#"{"command": "authenticate"}"#).line.expect("an answer");
+    assert_eq!(reply["protocol"], json!(PROTOCOL));
 }
 
 #[test]

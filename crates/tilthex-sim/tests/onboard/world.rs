@@ -101,6 +101,7 @@ impl World {
             Event::Answered(_, accepted) => answers.push(accepted),
             Event::Unanswered(order) => panic!("no answer to {order:?}"),
             Event::Restarted(_) => texts.push("restarted".into()),
+            Event::WrongPeriods(periods) => texts.push(format!("{periods:?}")),
         };
         base.receive(&bytes, now, &mut tell);
         let mut out = Outgoing::default();
