@@ -14,7 +14,9 @@ use tilthex_core::{
     types::RobotState,
 };
 use tilthex_link::{
-    onboard::{Answer, Facts, GoTo, Order, Part, PoseMessage, RecordParts, RemoteClock, ToBase, ToVehicle},
+    onboard::{
+        Answer, Facts, GoTo, Order, Part, Periods, PoseMessage, RecordParts, RemoteClock, ToBase, ToVehicle,
+    },
     tk3::{HostMessage, MAX_BODY, MAX_FRAME, Message, Receiver, Refusal, VehicleMessage},
 };
 
@@ -93,16 +95,23 @@ prop_compose! {
     }
 }
 
-fn to_base() -> impl Strategy<Value = [ToBase; 3]> {
+fn to_base() -> impl Strategy<Value = [ToBase; 4]> {
     let ended = prop::option::of(0..COUNT as u8);
     let answer = prop_oneof![
         Just(Answer::Nothing),
         any::<u8>().prop_map(Answer::Accepted),
         any::<u8>().prop_map(Answer::Refused)
     ];
-    (any::<u8>(), record(), ended, answer, 0u8..64).prop_map(|(number, record, ended, answer, facts)| {
+    let told = (any::<u8>(), ended, answer, 0u8..64, any::<[u32; 4]>());
+    (told, record()).prop_map(|((number, ended, answer, facts, [battery, motors, imu, records]), record)| {
         let parts = RecordParts::new(number, &record, Facts(facts), ended, answer);
-        [ToBase::Flight(parts.flight), ToBase::State(parts.state), ToBase::Tool(parts.tool)]
+        let periods = Periods { battery, motors, imu, records };
+        [
+            ToBase::Flight(parts.flight),
+            ToBase::State(parts.state),
+            ToBase::Tool(parts.tool),
+            ToBase::Periods(periods),
+        ]
     })
 }
 

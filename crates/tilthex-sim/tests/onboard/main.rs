@@ -15,7 +15,7 @@ use tilthex_core::{
 };
 use tilthex_link::{
     onboard::{GoTo, Order, Part, ToVehicle},
-    tk3::{HostMessage, MAX_FRAME, MotorValues},
+    tk3::{HostMessage, MAX_FRAME, MotorValues, Stream},
 };
 use tilthex_sim::onboard::firmware_params;
 
@@ -329,6 +329,22 @@ fn it_is_the_same_flight_as_everywhere_bit_for_bit() {
         assert_eq!(bits(&out.record), bits(&firmware.output().record), "tick {k}");
     }
     assert!(poses > 1000 && world.on_mission() && out.record.rotor_command != RotorVector::zeros());
+}
+
+/// The messages that set them have no checksum.
+#[test]
+fn a_stream_with_a_wrong_period_is_set_again() {
+    let mut world = World::hover();
+    world.texts.clear();
+    for (stream, period_us) in
+        [(Stream::Motors, 20_000 ^ 1 << 12), (Stream::Imu, 20_000), (Stream::Battery, 0)]
+    {
+        world.send(&[ToVehicle::Tk3(HostMessage::Rate { stream, period_us })]);
+        world.until(2.0, |world| world.texts.iter().any(|text| text.starts_with("Periods")));
+        world.texts.clear();
+        world.run(2.0);
+        assert!(world.texts.is_empty(), "{:?}", world.texts);
+    }
 }
 
 proptest! {
