@@ -9,6 +9,7 @@ import pytest
 import tilthex
 from tilthex import _priors, fit
 from tilthex.__main__ import main
+from tilthex._identified import Figure
 from tilthex._parameters import Numbers, corrected
 from tilthex._priors import Prior
 from tilthex.excite import largest_tilt, to_toml, trajectory, waypoints
@@ -188,6 +189,14 @@ def test_priors_are_those_of_an_independent_least_squares():
     np.testing.assert_allclose(figures[0] @ mean + offset[0], 0.7, atol=1e-12)
 
 
+def test_a_prior_far_from_the_model_is_met():
+    """The mass is the exponential of its parameter; a small deviation asks for the exact value."""
+    for factor in (1 / _priors.FACTOR, _priors.FACTOR):
+        given = {"mass": Prior(factor * MODEL.mass, 1e-3)}
+        mean, _ = _priors.informed(lambda z: MODEL.mass * np.exp(0.03 * z), 1, given, ["mass"])
+        assert MODEL.mass * np.exp(0.03 * mean[0]) == pytest.approx(given["mass"].value, abs=1e-6)
+
+
 @pytest.mark.parametrize(
     ("text", "says"),
     [
@@ -195,8 +204,11 @@ def test_priors_are_those_of_an_independent_least_squares():
         ("mass=2.4", "expected NAME=VALUE+-DEVIATION"),
         ("mass=2.4+-x", "expected NAME=VALUE+-DEVIATION"),
         ("inertia=0.08+-0.01", "no figure is named 'inertia'; expected one of mass, thrust_all_rotors, "),
-        ("mass=2.4+-0", "the deviation of mass is 0; expected a number above 0, kg"),
-        ("mass=2.4+--0.1", "the deviation of mass is -0.1; expected a number above 0"),
+        ("mass=2.4+-0", "the deviation of mass is 0; expected 7.2e-07 to 72 kg"),
+        ("mass=2.4+--0.1", "the deviation of mass is -0.1; expected 7.2e-07 to 72 kg"),
+        ("mass=2.4+-nan", "the deviation of mass is nan; expected"),
+        ("mass=2.4+-1e-12", "the deviation of mass is 1e-12; expected"),
+        ("mass=2.4+-1e9", "the deviation of mass is 1e+09; expected"),
         ("mass=nan+-0.1", "mass is nan, that of the model 2.4 kg; expected"),
         ("mass=2400+-1", "mass is 2400, that of the model 2.4 kg; expected 0.48 to 12 kg"),
         ("mass=2400+-1 g", "mass is given in g; expected kg"),
@@ -263,7 +275,7 @@ def test_the_command_writes_a_trajectory(tmp_path, capsys):
     assert "--radius is 900.0; expected 0.05 to 5 m" in capsys.readouterr().err
 
 
-def test_an_impossible_fit_says_what_to_fly():
+def test_an_impossible_fit_says_what_to_do():
     inertia = np.diag([0.36, 0.039, 0.021])
     n, zero = MODEL.rotor_count, np.zeros(3)
     axis = np.tile([0.0, 0.0, 1.0], (n, 1))
@@ -280,5 +292,11 @@ def test_an_impossible_fit_says_what_to_fly():
         speed_age=0.0,
         bias=zero,
     )
-    with pytest.raises(ValueError, match=r"inertia .*fly the trajectory of `tilthex excite`"):
+    with pytest.raises(ValueError, match=r"inertia .*fly the trajectory of `tilthex excite`.*--end.*--prior"):
         corrected(MODEL, found, [])
+    # A drag that the flight determined, a little below 0, is not that of the model.
+    dragged = MODEL.replace(rotor_drag=1e-4)
+    below = Figure("rotor drag", "N s/m/Hz", -1e-6, 4e-6, 3e-4, 1e-4)
+    possible = replace(found, inertia=MODEL.inertia)
+    assert corrected(dragged, possible, [below]).rotor_drag == 0.0
+    assert corrected(dragged, possible, [replace(below, deviation=2e-4)]).rotor_drag == 1e-4

@@ -140,7 +140,8 @@ def reported(model: Model, x: Array) -> tuple[list[tuple[str, str]], Array]:
 def corrected(vehicle: Vehicle, found: Numbers, figures: Sequence[Figure]) -> Vehicle:
     """The corrected model; positions move relative to the centre of mass.
 
-    The model keeps drag and flapping of its rotors, and their lag, if the flight does not determine them.
+    The model keeps drag and flapping of its rotors if neither the flight nor the user determines them. A drag
+    that was found below 0 is 0.
 
     Raises:
         ValueError: The flight determined so little that no vehicle has these values.
@@ -150,7 +151,7 @@ def corrected(vehicle: Vehicle, found: Numbers, figures: Sequence[Figure]) -> Ve
 
     def determined(name: str, model: float, low: float) -> float:
         one = named.get(name)
-        return one.value if one is not None and one.known and low <= one.value <= 1.0 else model
+        return min(max(one.value, low), 1.0) if one is not None and one.known else model
 
     rotors = [
         rotor
@@ -184,7 +185,8 @@ def corrected(vehicle: Vehicle, found: Numbers, figures: Sequence[Figure]) -> Ve
     except ValueError as error:
         raise ValueError(
             f"the flight does not determine the vehicle, the fit found an impossible one: {error}; "
-            "fly the trajectory of `tilthex excite` (docs/identification.md)"
+            "fly the trajectory of `tilthex excite`, leave out times in contact (--begin, --end), or give what "
+            "you know with --prior (docs/identification.md)"
         ) from error
 
 

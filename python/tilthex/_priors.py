@@ -13,10 +13,14 @@ from tilthex._identified import Array, Figure
 FORM = "NAME=VALUE+-DEVIATION, for example mass=2.41+-0.005"
 POSITIVE = re.compile(r"mass|thrust|drag moment|inertia (xx|yy|zz)|rotor lag")
 """Figures that are above 0; a prior of one of them is within `FACTOR` of the model's value."""
-NOT_NEGATIVE = re.compile(r"rotor drag|dead time")
+NOT_NEGATIVE = re.compile(r"rotor drag|dead time|throttle exponent")
 FACTOR = 5.0
 FARTHEST = 20.0
 """A prior of another figure is within this many of the deviations before the flight."""
+DEVIATION = 1e-5, 1e3
+"""Range of the deviation of a prior, in deviations before the flight; others leave no digits."""
+CORRECTIONS = 20
+"""Steps to the mean of figures that are not linear in the parameters."""
 STEP = 1e-3
 """Step of the derivatives, in deviations before the flight."""
 
@@ -72,10 +76,11 @@ def checked(priors: Mapping[str, Prior], before: Sequence[Figure]) -> dict[str, 
         found[one.name] = prior
         if prior.unit not in ("", one.unit):
             raise ValueError(f"prior: {one.name} is given in {prior.unit}; expected {one.unit}")
-        if not (np.isfinite(prior.deviation) and prior.deviation > 0.0):
+        least, most = (part * one.prior for part in DEVIATION)
+        if not least <= prior.deviation <= most:
             raise ValueError(
-                f"prior: the deviation of {one.name} is {prior.deviation:g}; expected a number above 0, "
-                f"{one.unit}"
+                f"prior: the deviation of {one.name} is {prior.deviation:g}; expected {least:.2g} to "
+                f"{most:.2g} {one.unit}"
             )
         if POSITIVE.match(one.name):
             low, high = one.model / FACTOR, one.model * FACTOR
@@ -113,8 +118,7 @@ def informed(
     rows = [names.index(name) for name in given]
     target = np.array([one.value for one in given.values()])
     deviation = np.array([one.deviation for one in given.values()])
-    # A few figures are not linear in the parameters.
-    for _ in range(5):
+    for _ in range(CORRECTIONS):
         slope = slopes(values, mean)[rows]
         if np.linalg.matrix_rank(slope / np.linalg.norm(slope, axis=1, keepdims=True), tol=1e-6) < len(rows):
             raise ValueError(f"prior: of {', '.join(given)}, one follows from the others; leave one out")
