@@ -79,6 +79,14 @@ def test_a_voltage_that_does_not_move_is_said():
     (known,) = _battery.exponent([flight], {"throttle exponent": Prior(0.61, 0.01)})
     assert known.value == pytest.approx(0.61, abs=0.01) and known.known
     assert _battery.exponent([replace(flight, mapped_speeds=None)]) == []
+    # A throttle at its end in each mean: nothing is learnt, and what the user knows stays.
+    ends = flight.mapped_speeds.copy()
+    ends[::300] = np.nan
+    full = replace(flight, mapped_speeds=ends)
+    (left,) = _battery.exponent([full])
+    assert left.value == 0.9 and not left.known
+    (told,) = _battery.exponent([full], {"throttle exponent": Prior(0.61, 0.01)})
+    assert (told.value, told.deviation, told.given) == (0.61, 0.01, 0.61)
 
 
 @pytest.mark.real_time

@@ -45,14 +45,20 @@ def exponent_before(flights: Sequence[Flight]) -> list[Figure]:
 
 
 def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None) -> list[Figure]:
-    """The exponent k, common to all rotors and flights; none if no log has throttles."""
+    """The exponent k, common to all rotors and flights; none if no log has throttles.
+
+    It stays as it was before the flights if no mean is whole.
+    """
     before = exponent_before(flights)
-    rows = [_blocks(one) for one in flights if one.mapped_speeds is not None]
-    rows = [row for row in rows if len(row[3])]
-    if not before or not rows:
+    if not before:
         return []
     one = before[0]
     prior = (given or {}).get(NAME, Prior(one.model, one.prior))
+    known = prior.value if NAME in (given or {}) else None
+    rows = [_blocks(one) for one in flights if one.mapped_speeds is not None]
+    rows = [row for row in rows if len(row[3])]
+    if not rows:
+        return [Figure(NAME, "1", prior.value, prior.deviation, prior.deviation, one.model, known)]
     speed, mapped, volts = (np.vstack([row[k] for row in rows]) for k in range(3))
     number = np.concatenate([1_000_000 * k + np.floor(row[3] / APART) for k, row in enumerate(rows)])
     # A factor of each rotor is free: the means of the rotors are taken away.
@@ -76,7 +82,6 @@ def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None
     np.add.at(sums, groups, np.einsum("bik,bi->bk", design, left - design @ found) / noise**2)
     spread = sums.T @ sums * len(sums) / max(len(sums) - 2, 1)
     deviation = np.sqrt(np.diag(inverse @ (spread + information) @ inverse))
-    known = prior.value if NAME in (given or {}) else None
     return [Figure(NAME, "1", float(found[0]), float(deviation[0]), prior.deviation, one.model, known)]
 
 
