@@ -89,6 +89,17 @@ def test_a_voltage_that_does_not_move_is_said():
     assert (told.value, told.deviation, told.given) == (0.61, 0.01, 0.61)
 
 
+def test_flights_with_different_maps_tell_the_exponent_together():
+    """Maps that were measured at other times differ by a factor, which is not the battery's."""
+    first = replace(throttled(120.0, 0.08, 0.7, 1), throttle_map=(*MAP, 15.0))
+    second = throttled(120.0, 0.08, 0.7, 1)
+    fallen = second.voltage - 0.05
+    speeds = second.rotor_speeds * (fallen / second.voltage)[:, None] ** 0.7
+    other = replace(second, rotor_speeds=speeds, voltage=fallen, mapped_speeds=1.03 * second.mapped_speeds)
+    (found,) = _battery.exponent([first, replace(other, throttle_map=(*MAP, 15.5))])
+    assert found.learnt and abs(found.value - 0.7) < 3 * found.deviation, str(found)
+
+
 @pytest.mark.real_time
 def test_the_log_of_a_vehicle_with_px4_shows_it(tmp_path):
     """Throttles are in the bytes to the vehicle; the simulated motors have the exponent of the truth."""
@@ -102,6 +113,7 @@ def test_the_log_of_a_vehicle_with_px4_shows_it(tmp_path):
     result = run(*options, "--duration", "24", "--no-battery-limits", "--log", log)
     assert result.returncode == 0, result.stderr
     flight = fit.read(log)
+    assert flight.throttle_map == (*MAP, 15.0)
     (found,) = _battery.exponent([flight])
     assert found.learnt and abs(found.value - 0.6) < 3 * found.deviation, str(found)
     named = identify([flight], tilthex.Vehicle.preset("tilt-hex"))["throttle exponent"]

@@ -2,8 +2,8 @@
 
 speed = x(throttle) (voltage / nominal)^k, with the map x and the nominal voltage of the vehicle's `[link]`.
 The logarithms of speed, x and voltage, as means over `MEAN`, give k by least squares. Found with it: a factor
-of each rotor, an error of the map's slope, and a change of all motors by `DRIFT` from flight to flight and
-within each flight, as when they warm up. So a voltage that hardly moves tells nothing.
+of each rotor with each map, an error of the map's slope, and a change of all motors by `DRIFT` from flight to
+flight and within each flight, as when they warm up. So a voltage that hardly moves tells nothing.
 """
 
 from __future__ import annotations
@@ -55,17 +55,18 @@ def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None
     one = before[0]
     prior = (given or {}).get(NAME, Prior(one.model, one.prior))
     known = prior.value if NAME in (given or {}) else None
-    rows = [_blocks(one) for one in flights if one.mapped_speeds is not None]
-    rows = [row for row in rows if len(row[3])]
+    told = [(_blocks(flight), flight.throttle_map) for flight in flights if flight.mapped_speeds is not None]
+    rows = [row for row, _ in told if len(row[3])]
     if not rows:
         return [Figure(NAME, "1", prior.value, prior.deviation, prior.deviation, one.model, known)]
     speed, mapped, volts = (np.vstack([row[k] for row in rows]) for k in range(3))
     number = np.concatenate([1_000_000 * k + np.floor(row[3] / APART) for k, row in enumerate(rows)])
-    # A factor of each rotor is free: the means of the rotors are taken away.
-    left, slope, power = (each - each.mean(axis=0) for each in (speed - mapped, mapped, volts))
+    # A factor of each rotor is free, and another one for another map: their means are taken away.
+    maps = [one for row, one in told for _ in row[3]]
+    left, slope, power = (_without_means(each, maps) for each in (speed - mapped, mapped, volts))
     columns = [power, slope]
-    drifts = _drifts([row[3] for row in rows])
-    columns += [np.repeat(one[:, None], left.shape[1], axis=1) for one in (drifts - drifts.mean(axis=0)).T]
+    drifts = _without_means(_drifts([row[3] for row in rows]), maps)
+    columns += [np.repeat(one[:, None], left.shape[1], axis=1) for one in drifts.T]
     design = np.stack(columns, axis=2)
     sizes = np.r_[prior.deviation, SLOPE, [DRIFT] * (len(columns) - 2)]
     start, information = np.zeros(len(sizes)), np.diag(sizes**-2)
@@ -83,6 +84,15 @@ def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None
     spread = sums.T @ sums * len(sums) / max(len(sums) - 2, 1)
     deviation = np.sqrt(np.diag(inverse @ (spread + information) @ inverse))
     return [Figure(NAME, "1", float(found[0]), float(deviation[0]), prior.deviation, one.model, known)]
+
+
+def _without_means(values: Array, maps: Sequence[tuple[float, ...]]) -> Array:
+    """The columns minus their means over the rows with the same map."""
+    left = values.copy()
+    for one in set(maps):
+        same = np.array([each == one for each in maps])
+        left[same] -= values[same].mean(axis=0)
+    return left
 
 
 def _drifts(times: Sequence[Array]) -> Array:

@@ -65,6 +65,8 @@ class Flight:
     """Voltage of the battery as a part of the map's, (N,)."""
     exponent: float = 1.0
     """`[link] throttle_exponent` of the flight."""
+    throttle_map: tuple[float, ...] = ()
+    """Coefficients and voltage of the map."""
 
     @cached_property
     def rotor_acceleration(self) -> Array:

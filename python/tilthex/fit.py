@@ -97,6 +97,7 @@ def _throttles(flight: log.Log, config: Config, time: Any, even: Any) -> dict[st
         "mapped_speeds": np.stack([np.interp(even, time[tick], one) for one in mapped.T], axis=1),
         "voltage": np.interp(even, time, volts),
         "exponent": float(link["throttle_exponent"]),
+        "throttle_map": (*link["throttle"], link["throttle_voltage"]),
     }
 
 
