@@ -15,6 +15,7 @@ from tilthex._priors import Prior
 from tilthex.excite import largest_tilt, to_toml, trajectory, waypoints
 from tilthex.identify import Flight, identify
 
+from benchmarks import identify as benchmark
 from benchmarks.identify import sensed, truth
 
 MODEL = tilthex.Vehicle.preset("tilt-hex")
@@ -239,6 +240,14 @@ def test_priors_that_follow_from_others_are_refused():
         identify([flight], MODEL, mass=2.0, priors={"mass": Prior(2.0, 0.01)})
     with pytest.raises(ValueError, match="no figure is named 'rotor_lag'"):
         identify([flight], MODEL, priors={"rotor_lag": Prior(0.02, 0.01)})
+
+
+def test_the_benchmark_leaves_out_a_flight_with_a_fault(monkeypatch, capsys):
+    """This vehicle sinks to the floor and stands on its tool."""
+    monkeypatch.setattr(benchmark, "MODEL", tilthex.Vehicle.preset("coaxial-tilt-hex"))
+    monkeypatch.setattr("sys.argv", ["identify", "8907", "1"])
+    benchmark.main()
+    assert "seed 8907 is left out: excursion at " in capsys.readouterr().out
 
 
 def test_too_little_of_flight_is_one_sentence():

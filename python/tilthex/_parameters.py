@@ -185,8 +185,8 @@ def corrected(vehicle: Vehicle, found: Numbers, figures: Sequence[Figure]) -> Ve
     except ValueError as error:
         raise ValueError(
             f"the flight does not determine the vehicle, the fit found an impossible one: {error}; "
-            "fly the trajectory of `tilthex excite`, leave out times in contact (--begin, --end), or give what "
-            "you know with --prior (docs/identification.md)"
+            "fly the trajectory of `tilthex excite`, leave out times in contact (--begin, --end), or give "
+            "what you know with --prior (docs/identification.md)"
         ) from error
 
 
