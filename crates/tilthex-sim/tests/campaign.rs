@@ -24,8 +24,14 @@ fn none_fails(stories: &[(u64, &[Injection])]) {
 }
 
 fn hovering() -> World {
-    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    campaign::hover(config.linked_params(true).expect("valid")).expect("it hovers")
+    hovering_with("")
+}
+
+/// With keys of the vehicle.
+fn hovering_with(keys: &str) -> World {
+    let text = format!("[vehicle]\npreset = \"tilt-hex\"\n{keys}");
+    let config = Config::from_text(&text, Path::new("")).expect("valid");
+    campaign::hover(&config).expect("it hovers")
 }
 
 fn injection(kind: Kind, duration: f64) -> Injection {
@@ -39,6 +45,12 @@ fn without_faults_nothing_is_reported() {
     assert_eq!(outcome.reaction, Reaction::Note);
     assert!(outcome.ended, "{outcome:?}");
     assert!(outcome.deviation < 0.01, "{outcome:?}");
+}
+
+#[test]
+fn the_vehicle_of_all_flights_has_the_drag_of_its_rotors() {
+    let flown = |keys| campaign::fly(hovering_with(keys), vec![], 1).deviation;
+    assert_ne!(flown(""), flown("rotor_drag = 1e-3"));
 }
 
 #[test]

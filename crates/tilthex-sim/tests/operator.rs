@@ -15,7 +15,7 @@ fn config() -> Config {
 }
 
 fn hover() -> World {
-    campaign::hover(config().linked_params(true).expect("valid")).expect("flies")
+    campaign::hover(&config()).expect("flies")
 }
 
 fn ticks(world: &mut World, seconds: f64) {

@@ -99,9 +99,8 @@ fn fly_seen(mut world: World, injections: Vec<Injection>, seed: u64, see: &mut d
 ///
 /// # Errors
 /// If a flight without faults does not reach its mission.
-pub fn hover(params: LinkedParams) -> Result<World, SimError> {
-    let simulated = SimulationParams::new(params.flight.vehicle);
-    rise(on_the_ground(params, simulated, 1)?)
+pub fn hover(config: &Config) -> Result<World, SimError> {
+    rise(Fleet::new(config, &TruthSection::default())?.ground(1)?)
 }
 
 /// Flies until the mission begins.
@@ -116,11 +115,6 @@ fn rise(mut world: World) -> Result<World, SimError> {
         }
     }
     Ok(world)
-}
-
-fn on_the_ground(params: LinkedParams, simulated: SimulationParams, seed: u64) -> Result<World, SimError> {
-    let linked = LinkedFlight::new(params, None).map_err(|e| SimError::refused(e.to_string()))?;
-    Ok(World::new(Simulation::new(SimulationParams { seed, ..simulated }), linked, seed))
 }
 
 /// The vehicles of a campaign: the model for all flights, or one that is drawn for each flight.
@@ -146,12 +140,13 @@ impl Fleet<'_> {
     /// The vehicle of a seed, on the ground.
     fn ground(&self, seed: u64) -> Result<World, SimError> {
         let drawn = self.truth.draw(self.model, seed).map_err(|e| SimError::refused(e.to_string()))?;
-        on_the_ground(self.params, SimulationParams::of(&drawn)?, seed)
+        let linked = LinkedFlight::new(self.params, None).map_err(|e| SimError::refused(e.to_string()))?;
+        Ok(World::new(Simulation::new(SimulationParams::of(&drawn)?), linked, seed))
     }
 
     /// The hover from which all flights begin, if they have the same vehicle.
     fn shared(&self) -> Result<Option<World>, SimError> {
-        (*self.truth == TruthSection::default()).then(|| hover(self.params)).transpose()
+        (*self.truth == TruthSection::default()).then(|| rise(self.ground(1)?)).transpose()
     }
 }
 
