@@ -88,7 +88,7 @@ def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None
 
 def _without_means(values: Array, maps: Sequence[tuple[float, ...]]) -> Array:
     """The columns minus their means over the rows with the same map."""
-    left = values.copy()
+    left: Array = values.copy()
     for one in set(maps):
         same = np.array([each == one for each in maps])
         left[same] -= values[same].mean(axis=0)
