@@ -150,6 +150,17 @@ def test_calibrate_finds_the_age_of_rotor_speeds(monkeypatch, tmp_path, capsys):
     )
 
 
+def test_a_gentle_flight_does_not_tell_the_age(monkeypatch):
+    """A calibration flight does not determine the inertia; the speeds of this vehicle have no age."""
+    model = tilthex.Vehicle.preset("tilt-hex")
+    config, way = tilthex.Config.default(model), tilthex.calibration_flight(model, [0, 0, 1])
+    flown = tilthex.simulate(config, trajectory=way, duration=way.duration, truth="cad", seed=8924)
+    monkeypatch.setattr(fit, "read", lambda log: sensed(flown))
+    found = _speed_age.find_speed_age(None, config)
+    assert not found.age.known
+    assert "[link]" not in str(found) and str(found).endswith("not learnt")
+
+
 @pytest.mark.parametrize("told", [True, False])
 def test_calibrate_prints_and_writes_the_age(monkeypatch, tmp_path, capsys, told):
     """After the keys of the estimator, and in the table before and after."""

@@ -11,7 +11,7 @@ of any colour up to `BLOCK`.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,8 @@ STEP = 0.004
 """Samples are averaged over about this time, s; rotors are slower."""
 WEIGHED = 0.002
 """Deviation of a weighed mass, as a part of it."""
+MOMENTS = ("inertia xx", "inertia yy", "inertia zz")
+AGE = "age of rotor speeds"
 OUTLIER = 6.0
 """Blocks whose residual is above this many robust deviations are left out: contact, the ground, gusts."""
 
@@ -124,6 +126,7 @@ def identify(
     seconds = sum(p * int(u.sum()) for p, u in zip(period, used, strict=True))
     flown = sum(p * int(u.sum()) for p, u in zip(period, flying, strict=True))
     figures, correlation = _figures(model, x, covariance, (prior, information), given)
+    figures = _aged(figures)
     found = model.at(x)
     return Identified(
         figures + lag + battery,
@@ -232,6 +235,18 @@ def _covariance(
     spread = sums.T @ sums * count / max(count - taken / 6, 1)
     covariance: Array = inverse @ (spread + information) @ inverse
     return covariance
+
+
+def _aged(figures: list[Figure]) -> list[Figure]:
+    """The age of the rotor speeds as it was before the flight if a moment of inertia is not known.
+
+    In a gentle flight the motors mostly follow the noise of the gyro: an age that is not there explains it.
+    """
+    if all(one.known for one in figures if one.name in MOMENTS):
+        return figures
+    return [
+        replace(one, deviation=one.prior) if one.name == AGE and one.given is None else one for one in figures
+    ]
 
 
 def _value(given: Mapping[str, Prior], name: str) -> float | None:
