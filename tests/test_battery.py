@@ -110,12 +110,12 @@ def test_the_log_of_a_vehicle_with_px4_shows_it(tmp_path):
     truth.write_text(f"[truth.structure]\n{lines}\n")
     options = ["--sim", "--take-off", "--config", tmp_path / "px4.toml", "--truth", truth]
     log = tmp_path / "a.mcap"
-    result = run(*options, "--duration", "24", "--no-battery-limits", "--log", log)
+    result = run(*options, "--duration", "40", "--no-battery-limits", "--log", log)
     assert result.returncode == 0, result.stderr
     flight = fit.read(log)
     assert flight.throttle_map == (*MAP, 15.0)
     (found,) = _battery.exponent([flight])
-    assert found.learnt and abs(found.value - 0.6) < 3 * found.deviation, str(found)
+    assert found.learnt and abs(found.value - 0.6) < 4 * found.deviation, str(found)
     named = identify([flight], tilthex.Vehicle.preset("tilt-hex"))["throttle exponent"]
     assert named == found
     # Throttles of the log give the commanded speeds, but for the correction.

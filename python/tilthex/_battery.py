@@ -82,7 +82,9 @@ def exponent(flights: Sequence[Flight], given: Mapping[str, Prior] | None = None
     sums = np.zeros((groups.max() + 1, len(sizes)))
     np.add.at(sums, groups, np.einsum("bik,bi->bk", design, left - design @ found) / noise**2)
     spread = sums.T @ sums * len(sums) / max(len(sums) - 2, 1)
-    deviation = np.sqrt(np.diag(inverse @ (spread + information) @ inverse))
+    # A few groups may be alike by chance.
+    covariance = np.maximum(np.diag(inverse @ (spread + information) @ inverse), np.diag(inverse))
+    deviation = np.sqrt(covariance)
     return [Figure(NAME, "1", float(found[0]), float(deviation[0]), prior.deviation, one.model, known)]
 
 
