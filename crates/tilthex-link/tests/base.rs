@@ -144,30 +144,38 @@ fn a_board_that_starts_again_does_not_get_an_old_number() {
     talk.record(Phase::Flying, Facts(Facts::LANDED), Answer::Nothing);
     assert_eq!(talk.number(Order::Hold), 1);
     talk.identity();
+    // It would obey an order that its former self did not get.
+    assert_eq!(talk.orders(3.0 * REPEAT), []);
     talk.record(Phase::Disarmed, Facts::default(), Answer::Nothing);
-    let [Event::Unanswered(Order::Hold), Event::Restarted(last)] = talk.events[..] else {
-        panic!("{:?}", talk.events)
-    };
+    let [Event::Restarted(last)] = talk.events[..] else { panic!("{:?}", talk.events) };
     assert!(last.facts.has(Facts::LANDED));
     assert_eq!(talk.number(Order::Hold), 2);
 }
 
-/// It knows no order any more, or its clock has gone back; its identity may be lost.
+/// It knows no order any more, or its clock has not gone on; its identity may be lost.
 #[test]
 fn a_board_that_starts_again_is_told_by_its_records() {
     let flying = |time, answer| part(&Record { input: at(time), ..Record::default() }, answer);
     for (before, after) in [
         (flying(9.0, Answer::Accepted(1)), flying(9.1, Answer::Nothing)),
         (flying(9.0, Answer::Nothing), flying(0.1, Answer::Nothing)),
+        (flying(2400.0, Answer::Nothing), flying(2.0, Answer::Nothing)),
     ] {
         let mut talk = Talk::new();
         talk.identity();
         talk.hear(ToBase::Flight(before));
         talk.number(Order::Hold);
         talk.hear(ToBase::Flight(after));
-        assert!(
-            matches!(talk.events[..], [Event::Unanswered(Order::Hold), Event::Restarted(last)] if last == before)
-        );
+        assert!(matches!(talk.events[..], [Event::Restarted(last)] if last == before));
+    }
+    // Its clock goes round once in 72 min.
+    for silence in [0.5, 1500.0, 2400.0, 5000.0] {
+        let mut talk = Talk::new();
+        talk.identity();
+        talk.hear(ToBase::Flight(flying(9.0, Answer::Nothing)));
+        talk.now += silence;
+        talk.hear(ToBase::Flight(flying(9.0 + silence, Answer::Nothing)));
+        assert!(talk.events.is_empty(), "{silence}: {:?}", talk.events);
     }
 }
 
@@ -179,6 +187,8 @@ fn a_second_identity_drops_no_order() {
     talk.record(Phase::Disarmed, Facts::default(), Answer::Accepted(7));
     let number = talk.number(Order::TakeOff);
     talk.identity();
+    assert_eq!(talk.orders(2.0 * REPEAT), [], "until a record shows that the board has not started again");
+    talk.record(Phase::Disarmed, Facts::default(), Answer::Accepted(7));
     let sent = talk.orders(2.0 * REPEAT);
     assert!(!sent.is_empty() && sent.iter().all(|sent| *sent == (number, Order::TakeOff)), "{sent:?}");
     talk.record(Phase::Disarmed, Facts::default(), Answer::Accepted(number));

@@ -149,16 +149,22 @@ impl Console {
                 memory.reason = said.strip_prefix(REFUSED).map(String::from).or(memory.reason.take());
                 memory.texts.push_back((severity, text));
             }
-            Event::Answered(_, true) => waiting.settle(Ok(())),
+            Event::Answered(_, true) => {
+                memory.reason = None;
+                waiting.settle(Ok(()));
+            }
             Event::Answered(order, false) => {
                 memory.take_off &= order != Order::TakeOff;
                 let reason = memory.reason.take();
                 let reason = reason.map_or_else(|| "the vehicle refuses it".into(), |r| format!("the vehicle refuses it: {r}"));
                 waiting.settle(Err(reason));
             }
-            Event::Unanswered(order) => waiting.settle(Err(unanswered(&order))),
+            Event::Unanswered(order) => {
+                memory.reason = None;
+                waiting.settle(Err(unanswered(&order)));
+            }
             Event::Restarted(before) => {
-                memory.before = Some(before);
+                (memory.before, memory.reason) = (Some(before), None);
                 // They were given to a board that flew, or was ready.
                 waiting.clear("the vehicle's board has started again");
                 say("warning: the vehicle's board has started again");

@@ -10,6 +10,8 @@ use crate::{
 };
 use libm::fabs;
 
+/// A rotor may be as much faster than its model.
+const FASTER: f64 = 2.0;
 /// A time before every measurement, s.
 const LONG_AGO: f64 = -1e9;
 
@@ -23,7 +25,7 @@ const GAIN: (f64, f64) = (10.0, 0.5);
 pub(super) struct RotorModel {
     rate: f64,
     lowest: RotorVector,
-    /// Largest speed in either direction, Hz.
+    /// Largest speeds, Hz.
     highest: RotorVector,
     /// The last command that can have reached the vehicle, and for how long no command has.
     reached: RotorVector,
@@ -52,7 +54,6 @@ impl RotorModel {
         let constant = vehicle.rotor_time_constant();
         let zero = RotorVector::zeros();
         let (lowest, highest) = vehicle.speed_limits();
-        let highest = highest.sup(&-lowest);
         let rate = if constant > 0.0 { 1.0 / constant } else { 1e4 };
         Self {
             rate,
@@ -102,20 +103,24 @@ impl RotorModel {
         self.doubted = doubted;
     }
 
-    /// Judges the newest speeds. No command changes a rotor's speed faster than its lag, so that several equal wrong
-    /// measurements are not believed. The speed that the model expects is always possible.
+    /// Judges the newest speeds. No command changes a rotor's speed faster than its lag, so that equal wrong measurements are
+    /// not believed, however many. The speed that the model expects is always possible; whether a rotor stands still is judged
+    /// elsewhere.
     fn judge(&mut self, motors: &[Motor]) {
         let expected = self.expected();
-        let rotors = expected.iter().zip(self.highest.iter()).zip(&mut self.possible);
-        for (i, (motor, ((expected, highest), last))) in motors.iter().zip(rotors).enumerate() {
+        let rotors = expected.iter().zip(self.lowest.iter()).zip(self.highest.iter()).zip(&mut self.possible);
+        for (i, (motor, (((expected, lowest), highest), last))) in motors.iter().zip(rotors).enumerate() {
             let (speed, time) = *last;
-            let part = lag_fraction(self.rate, motor.heard - time);
-            let slowest = speed - (highest + speed) * part - WRONG_SPEED;
+            let part = lag_fraction(FASTER * self.rate, motor.heard - time);
+            let slowest = speed + (lowest.min(0.0) - speed) * part - WRONG_SPEED;
             let fastest = speed + (highest - speed) * part + WRONG_SPEED;
             if (slowest..=fastest).contains(&motor.speed) || fabs(motor.speed - expected) <= WRONG_SPEED {
                 *last = (motor.speed, motor.heard);
                 self.impossible &= !(1 << i);
             } else {
+                if fabs(motor.speed) > TELLS {
+                    *last = (*expected, motor.heard);
+                }
                 self.impossible |= 1 << i;
             }
         }
@@ -248,16 +253,20 @@ mod tests {
             let speeds = used(&[wrong, wrong, wrong, wrong, wrong, 61.0]);
             assert_eq!(speeds, [60.0, 60.0, 60.0, 60.0, 60.0, 61.0], "{wrong}");
         }
-        assert!(used(&[200.0; 500]).iter().all(|speed| *speed == 60.0), "no command makes it so fast");
+        for wrong in [200.0, 100.0, -60.0] {
+            assert!(used(&[wrong; 500]).iter().all(|speed| *speed == 60.0), "{wrong}");
+        }
     }
 
     #[test]
     fn a_rotor_that_stops_or_follows_its_lag_is_believed() {
-        // Something holds it: until it can have braked, the model replaces its measurement.
-        let speeds = used(&[0.0; 10]);
+        // Something holds it: until it can have run down, the model replaces its measurement.
+        let speeds = used(&[0.0; 20]);
         assert!(speeds.starts_with(&[60.0]) && speeds.ends_with(&[0.0; 5]), "{speeds:?}");
         // After false zeros the right measurements are believed at once.
-        let speeds = used(&[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 60.0, 60.0]);
+        let mut measured = [0.0; 20];
+        measured[18..].fill(60.0);
+        let speeds = used(&measured);
         assert!(speeds.ends_with(&[0.0, 60.0, 60.0]), "{speeds:?}");
         for goal in [16.0, 110.0] {
             let way: Vec<_> =

@@ -23,6 +23,9 @@ const IDENTIFY: (f64, u32) = (0.5, 4);
 /// Longest silence of the operator that a heartbeat carries, s.
 const SILENT: f64 = 65.0;
 
+/// A board whose clock is off by more than this between two records has started again, us. A line is never as late.
+const CLOCK_OFF: u32 = 1_000_000;
+
 /// Parameters of the base's end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BaseParams {
@@ -89,6 +92,10 @@ pub struct Base {
     /// When the last message arrived, s.
     heard: f64,
     flight: Option<FlightPart>,
+    /// When it arrived, s.
+    flight_heard: f64,
+    /// Whether the board may have started again since then: an order that it never had must not be repeated.
+    unsure: bool,
     state: Option<StatePart>,
     records: u64,
     last_time: Option<f64>,
@@ -118,6 +125,8 @@ impl Base {
             clock: RemoteClock::new()?,
             heard: f64::NEG_INFINITY,
             flight: None,
+            flight_heard: f64::NEG_INFINITY,
+            unsure: false,
             state: None,
             records: 0,
             last_time: None,
@@ -195,10 +204,10 @@ impl Base {
                 ToBase::Flight(part) => {
                     let before = self.flight.replace(part);
                     self.state = None;
-                    if let Some(before) = before.filter(|before| restarted(before, &part)) {
-                        if let Some(pending) = self.pending.take() {
-                            tell(Event::Unanswered(pending.order));
-                        }
+                    let elapsed = now - core::mem::replace(&mut self.flight_heard, now);
+                    self.unsure = false;
+                    if let Some(before) = before.filter(|before| restarted(before, &part, elapsed)) {
+                        self.pending = None;
                         tell(Event::Restarted(before));
                     }
                     self.note(part.answer.number());
@@ -231,7 +240,10 @@ impl Base {
         let set = Stage::Streams { asked: f64::NEG_INFINITY, again: true };
         match &mut self.stage {
             Stage::Refused => {}
-            _ if known => self.stage = set,
+            _ if known => {
+                self.unsure = true;
+                self.stage = set;
+            }
             Stage::Streams { .. } => tell(Event::Text(Severity::Error, *text)),
             Stage::Identify { tries, asked } => match self.stranger.replace(*text) {
                 Some(before) if before == *text => {
@@ -261,6 +273,7 @@ impl Base {
     fn check(&mut self, told: Periods, now: f64, tell: &mut impl FnMut(Event)) {
         let wanted = self.periods();
         if let Stage::Streams { asked, again } = &mut self.stage
+            && !*again
             && told != wanted
             && now - *asked >= STREAM_SILENT
         {
@@ -327,11 +340,12 @@ impl Base {
             out.append(|b| ToVehicle::Heartbeat(silence).encode(b));
             self.heartbeat = now;
         }
+        let sure = !self.unsure && self.silence(now) < STREAM_SILENT;
         if let Some(pending) = &mut self.pending {
             if now - pending.since >= UNANSWERED {
                 tell(Event::Unanswered(pending.order));
                 self.pending = None;
-            } else if pending.sent.is_none_or(|sent| now - sent >= REPEAT) {
+            } else if sure && pending.sent.is_none_or(|sent| now - sent >= REPEAT) {
                 let message = ToVehicle::Order(pending.number, pending.order);
                 out.append(|b| message.encode(b));
                 pending.sent = Some(now);
@@ -371,12 +385,16 @@ fn set(periods: &Periods, out: &mut Outgoing) {
     }
 }
 
-/// Whether a board has started again between two of its records. Then it knows no order and no flight any more, or its clock
-/// goes back; its first messages may be lost. Records have a checksum and keep their sequence.
-fn restarted(before: &FlightPart, after: &FlightPart) -> bool {
+/// Whether a board has started again between two of its records, which arrived `elapsed` s apart. Then it knows no order and no
+/// flight any more, or its clock did not go on as that of the base; its first messages may be lost. Records have a checksum and
+/// keep their sequence.
+fn restarted(before: &FlightPart, after: &FlightPart, elapsed: f64) -> bool {
+    // In the board's time, which goes round.
+    let expected = (1e6 * elapsed.max(0.0)) as u64 as u32;
+    let off = after.time.wrapping_sub(before.time).wrapping_sub(expected) as i32;
     let forgets = |fact| before.facts.has(fact) && !after.facts.has(fact);
     before.answer.number() != 0 && after.answer.number() == 0
         || forgets(Facts::LANDED)
         || forgets(Facts::KILLED)
-        || (after.time.wrapping_sub(before.time) as i32) < 0
+        || off.unsigned_abs() > CLOCK_OFF
 }

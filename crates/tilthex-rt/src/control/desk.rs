@@ -47,6 +47,7 @@ impl Way {
     fn push(&mut self, command: Command) -> Result<Option<Receiver<Fate>>, &'static str> {
         let passed = match self {
             Self::Loop(ring) => ring.push(command).ok().map(|()| None),
+            Self::Board(ring, _) if ring.is_abandoned() => return Err("the console has ended"),
             Self::Board(ring, _) => {
                 let (tell, fate) = sync_channel(1);
                 ring.push(Asked { command, tell }).ok().map(|()| Some(fate))

@@ -26,7 +26,9 @@ fn wrong_speeds_in_a_row_do_not_move_the_vehicle() {
 
 #[test]
 fn a_rotor_whose_speed_stays_wrong_makes_it_land() {
-    for (wrong, fault) in [(1000.0, Fault::MotorWrongSpeed), (0.0, Fault::MotorDataWrong)] {
+    let reachable = [110.0, 90.0, 35.0, -60.0].map(|wrong| (wrong, Fault::MotorWrongSpeed));
+    let others = [(1000.0, Fault::MotorWrongSpeed), (0.0, Fault::MotorDataWrong)];
+    for (wrong, fault) in others.into_iter().chain(reachable) {
         let mut world = World::hover();
         world.simulation.firmware_mut().misread(2, Some(wrong));
         world.until(3.0, |world| world.phase() == Phase::Landing);
