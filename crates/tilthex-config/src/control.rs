@@ -99,9 +99,9 @@ section! {
         /// Whether the drag of a wind is separated from contact. If not, the whole observed wrench moves the tool.
         discrimination: bool = false,
         /// Drag of the rotors in the model: force against the airspeed in a rotor's disc, per Hz of its speed. If it is not set, that
-        /// of [vehicle].
+        /// of `[vehicle]`.
         rotor_drag: Option<f64> = None => "N s/m per Hz" from 0.0 to 1.0,
-        /// Flapping of the rotors in the model: torque that lifts the leading edge of a rotor's disc. If it is not set, that of [vehicle].
+        /// Flapping of the rotors in the model: torque that lifts the leading edge of a rotor's disc. If it is not set, that of `[vehicle]`.
         flapping: Option<f64> = None => "N m s/m per Hz" from -1.0 to 1.0,
         /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2" from 0.0 to 10.0,

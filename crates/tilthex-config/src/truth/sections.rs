@@ -35,10 +35,10 @@ section! {
         /// Density of the air (ISO 2533 at sea level: 1.225).
         air_density: f64 = 1.225 => "kg/m^3" from 0.0 to 10.0,
         /// Rotor drag: force against the airspeed in the rotor's disc, per Hz of rotor speed (Faessler, Franchi, Scaramuzza 2018).
-        /// If it is not set, that of [vehicle].
+        /// If it is not set, that of `[vehicle]`.
         rotor_drag: Option<f64> = None => "N s/m per Hz" from 0.0 to 1.0,
         /// Flapping: torque that lifts the leading edge of a rotor's disc, per Hz of rotor speed (Mahony, Kumar, Corke 2012).
-        /// If it is not set, that of [vehicle].
+        /// If it is not set, that of `[vehicle]`.
         flapping: Option<f64> = None => "N m s/m per Hz" from -1.0 to 1.0,
         /// Drag coefficient times area of the airframe along robot x, y, z: force 1/2 rho C A |v| v.
         drag_area: Axes<3> = Axes([0.0; 3]) => "m^2",
@@ -76,7 +76,7 @@ section! {
         /// 0 if commands are speeds.
         throttle_voltage: f64 = 0.0 => "V" from 0.0 to 1000.0,
         /// The same for a vehicle with PX4: power of the voltage with which the speed at a throttle grows. If it is not set, that
-        /// of [link].
+        /// of `[link]`.
         throttle_exponent: Option<f64> = None => "1" from 0.0 to 3.0,
         /// Capacity of the battery (4 cells of lithium polymer).
         battery_capacity: f64 = 5.0 => "A h",
