@@ -48,7 +48,7 @@ fn telemetry_that_drops_to_zero_is_no_lost_rotor() {
         world.fly();
         world.cruelty.borrow_mut().silent = Some(motor);
         assert!(world.ends(30.0));
-        assert_eq!(world.ended_by(), Some(Fault::MotorDataWrong));
+        assert_eq!(world.ended_by(), Some(Fault::MotorDataWrong), "{motor}");
         assert!(!world.saw(Fault::MotorNotSpinning) && !world.saw(Fault::RotorLost));
         assert!(world.simulation.stands() && world.farthest < 0.2);
     }
