@@ -1,6 +1,7 @@
 """`tilthex view` on a log and on a flight, in a real server and, where there is one, in a real browser."""
 
 import contextlib
+import json
 import os
 import re
 import shutil
@@ -18,6 +19,7 @@ from test_programs import control_port, program, started, until, vehicle
 from tilthex import __main__ as command
 from tilthex import _control, log
 from tilthex._programs import free_port
+from tilthex.client import PROTOCOL
 
 pytest.importorskip("viser", reason="viser is not installed: the page is not tested")
 
@@ -291,7 +293,9 @@ def test_an_operator_who_is_away_is_not_heard():
         return asked[-1]
 
     ours, theirs = socket.socketpair()
+    theirs.sendall(json.dumps({"id": 1, "state": None, "protocol": PROTOCOL}).encode() + b"\n")
     with theirs, tilthex.Flight(ours, present=present):
+        assert b"state" in theirs.recv(100)
         until(lambda: len(asked) > 1)
         theirs.setblocking(False)
         with pytest.raises(BlockingIOError):
