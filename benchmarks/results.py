@@ -49,8 +49,8 @@ PAGES = (
         "peg-in-hole",
         "Peg in hole, random cases",
         (
-            "tilthex experiment peg-in-hole --random 100 --seed 4001 --out out/results",
-            "tilthex experiment peg-in-hole --random 40 --seed 4002 --out out/results/steep "
+            "tilthex experiment peg-in-hole --random 100 --seed 4091 --out out/results",
+            "tilthex experiment peg-in-hole --random 40 --seed 4092 --out out/results/steep "
             "--set 'random.tilt_deg=[18.0,28.0]' --set 'random.friction=[0.2,0.45]'",
         ),
     ),

@@ -155,13 +155,12 @@ impl Console {
             }
             Event::Answered(order, false) => {
                 memory.take_off &= order != Order::TakeOff;
-                let reason = memory.reason.take();
-                let reason = reason.map_or_else(|| "the vehicle refuses it".into(), |r| format!("the vehicle refuses it: {r}"));
-                waiting.settle(Err(reason));
+                let reason = memory.reason.take().map_or_else(String::new, |reason| format!(": {reason}"));
+                waiting.settle(Err(&format!("the vehicle refuses it{reason}")));
             }
             Event::Unanswered(order) => {
                 memory.reason = None;
-                waiting.settle(Err(unanswered(&order)));
+                waiting.settle(Err(&unanswered(&order)));
             }
             Event::Restarted(before) => {
                 (memory.before, memory.reason) = (Some(before), None);
@@ -198,7 +197,7 @@ impl Console {
         let Self { base, waiting, .. } = self;
         base.talk(now, silence, &mut out, &mut |event| {
             if let Event::Unanswered(order) = event {
-                waiting.settle(Err(unanswered(&order)));
+                waiting.settle(Err(&unanswered(&order)));
             }
         });
         if !out.bytes().is_empty() {

@@ -86,9 +86,9 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     let attached = Attachments { take_off: args.take_off, on_board: true, ..Attachments::default() };
     let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached))?;
     let (commands_in, commands) = RingBuffer::new(COMMAND_RING);
-    let carrier = Carrier { admittance: config.controller().admittance };
     let control = match &args.control.control {
         Some(address) => {
+            let carrier = Carrier { admittance: config.controller().admittance };
             let way = Way::Board(commands_in, Box::new(carrier));
             let desk = Desk::new(Orders::new(&config), way, recorder.observer(), flags.clone());
             Some(ControlSocket::start(address, token, desk)?)
@@ -109,7 +109,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         })?,
         port,
         poses,
-        waiting: Waiting::new(commands, carrier),
+        waiting: Waiting::new(commands),
         feed,
         flags: flags.clone(),
         hold: Arc::clone(&hold),

@@ -1,13 +1,11 @@
 //! The desk decides about orders: who may give them, whether they can be obeyed now, and how they reach the loop.
 
-use std::sync::{
-    Mutex, MutexGuard, PoisonError,
-    mpsc::{Receiver, sync_channel},
-};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rtrb::Producer;
 use tilthex_config::orders::{Orders, Place};
 use tilthex_core::{flight::Command, supervisor::Phase};
+use tilthex_link::onboard::Order;
 
 use super::places::Id;
 use crate::{
@@ -35,36 +33,26 @@ impl Way {
         }
     }
 
-    /// Why an order cannot be passed on.
-    fn check(&self, command: &Command) -> Result<(), &'static str> {
+    /// The orders to the vehicle that carry a command out; none if the loop carries it out itself.
+    fn orders(&self, command: &Command) -> Result<Vec<Order>, &'static str> {
         match self {
-            Self::Loop(_) => Ok(()),
-            Self::Board(_, carrier) => carrier.orders(command).map(|_| ()),
+            Self::Loop(_) => Ok(Vec::new()),
+            Self::Board(ring, _) if ring.is_abandoned() => Err("the console has ended"),
+            Self::Board(_, carrier) => carrier.orders(command),
         }
     }
 
-    /// Passes an order on. Returns where its fate will come, if it is not certain now.
-    fn push(&mut self, command: Command) -> Result<Option<Receiver<Fate>>, &'static str> {
+    /// Passes a command on, or its orders. Returns where its fate will come, if it is not certain now.
+    fn push(&mut self, command: Command, orders: Vec<Order>) -> Result<Option<Fate>, &'static str> {
         let passed = match self {
             Self::Loop(ring) => ring.push(command).ok().map(|()| None),
-            Self::Board(ring, _) if ring.is_abandoned() => return Err("the console has ended"),
             Self::Board(ring, _) => {
-                let (tell, fate) = sync_channel(1);
-                ring.push(Asked { command, tell }).ok().map(|()| Some(fate))
+                let fate = Fate::default();
+                ring.push(Asked { orders, fate: fate.clone() }).ok().map(|()| Some(fate))
             }
         };
         passed.ok_or("the loop takes no orders")
     }
-}
-
-/// An order whose fate is not certain yet.
-#[derive(Debug)]
-pub(super) struct Pending {
-    /// Where its fate comes.
-    pub(super) fate: Receiver<Fate>,
-    /// The number of this change of the parser, and the parser before it.
-    change: u64,
-    before: Orders,
 }
 
 /// Passes orders to the loop and to the log, in the same sequence.
@@ -80,11 +68,23 @@ pub struct Desk {
 struct Counter {
     orders: Orders,
     way: Way,
-    /// Number of orders that were passed on.
-    changes: u64,
+    /// A change of the admittance that the vehicle has not answered, and the parser after it.
+    change: Option<(Fate, Orders)>,
     holder: Option<(Id, String)>,
     /// Whether the newest motion order was a set-point of a stream.
     streams: bool,
+}
+
+impl Counter {
+    /// Takes what the vehicle has answered to a change: the parser changes only with the vehicle.
+    fn settle(&mut self) {
+        let Some(done) = self.change.as_ref().and_then(|(fate, _)| fate.get().map(Result::is_ok)) else {
+            return;
+        };
+        if let Some((_, orders)) = self.change.take().filter(|_| done) {
+            self.orders = orders;
+        }
+    }
 }
 
 /// An order that is executed before all others.
@@ -105,7 +105,7 @@ impl Desk {
     /// A desk that parses with `orders`, and passes orders to the flight (`way`, `flags`) and to the recorder (`observer`).
     #[must_use]
     pub fn new(orders: Orders, way: Way, observer: Observer, flags: Flags) -> Self {
-        let counter = Mutex::new(Counter { orders, way, changes: 0, holder: None, streams: false });
+        let counter = Mutex::new(Counter { orders, way, change: None, holder: None, streams: false });
         Self { counter, observer, flags }
     }
 
@@ -126,8 +126,7 @@ impl Desk {
         self.observer.command(now as f64 * 1e-9, line, true);
     }
 
-    /// Takes an order of a client and passes it to the flight. Returns the order if only the vehicle knows whether it is
-    /// carried out.
+    /// Takes an order of a client and passes it to the flight. Returns where its fate comes if only the vehicle knows it.
     ///
     /// # Errors
     /// One sentence: another client holds the controls, the order is wrong, or it cannot be obeyed now.
@@ -137,10 +136,11 @@ impl Desk {
         name: &str,
         line: String,
         now: Nanos,
-    ) -> Result<Option<Pending>, String> {
+    ) -> Result<Option<Fate>, String> {
         let (situation, place) =
             self.observer.look(|latest| (Situation::of(latest, &self.flags), place(latest)));
         let mut counter = self.counter();
+        counter.settle();
         match &counter.holder {
             Some((id, holder)) if *id != client.id => {
                 return Err(format!(
@@ -155,15 +155,19 @@ impl Desk {
         if let Some(reason) = situation.refusal(&command, counter.streams) {
             return Err(format!("{name}: {reason}"));
         }
-        counter.way.check(&command).map_err(|reason| format!("{name}: {reason}"))?;
+        let changes = matches!(command, Command::SetAdmittance(_));
+        if changes && counter.change.is_some() {
+            return Err(format!(
+                "{name}: the vehicle has not answered to the change before; wait for its answer"
+            ));
+        }
+        let passed = counter.way.orders(&command).map_err(|reason| format!("{name}: {reason}"))?;
         if let Some(place) = place {
             orders.check_place(&command, &place)?;
         }
         if counter.way.is_full() {
             return Err("the loop has not taken the orders before this one; try again".into());
         }
-        let before = std::mem::replace(&mut counter.orders, orders);
-        counter.changes += 1;
         match &command {
             Command::Follow(_) => counter.streams = true,
             Command::Play(_) => counter.streams = false,
@@ -176,22 +180,21 @@ impl Desk {
         if moves(&command) || self.flags.has_operator() {
             self.flags.hear(now);
         }
-        let (fate, change) = (counter.way.push(command)?, counter.changes);
-        Ok(fate.map(|fate| Pending { fate, change, before }))
-    }
-
-    /// Notes that the vehicle does not carry an order out: what it has changed in the parser is as before, unless another
-    /// order has come since.
-    pub(super) fn undo(&self, pending: Pending) {
-        let mut counter = self.counter();
-        if counter.changes == pending.change {
-            counter.orders = pending.before;
+        let fate = counter.way.push(command, passed)?;
+        match &fate {
+            Some(fate) if changes => counter.change = Some((fate.clone(), orders)),
+            Some(_) => {}
+            None => counter.orders = orders,
         }
+        Ok(fate)
     }
 
     /// The configuration of the flight as TOML, with the changes by orders.
     pub(super) fn configuration(&self) -> String {
-        let orders = self.counter().orders.clone();
+        let mut counter = self.counter();
+        counter.settle();
+        let orders = counter.orders.clone();
+        drop(counter);
         orders.configuration()
     }
 

@@ -2,7 +2,7 @@
 //! time.
 
 use std::{
-    sync::{Arc, atomic::Ordering, mpsc::TryRecvError},
+    sync::{Arc, atomic::Ordering},
     time::Duration,
 };
 
@@ -10,10 +10,10 @@ use serde_json::{Map, Value, json};
 
 use super::{
     PROTOCOL, Shared,
-    desk::{Client, Pending, Urgent},
+    desk::{Client, Urgent},
     state::state,
 };
-use crate::sleeper::Nanos;
+use crate::{sleeper::Nanos, waiting::Fate};
 
 /// Slowest and fastest stream of states, Hz; 0 ends it.
 const RATES: (f64, f64) = (0.1, 100.0);
@@ -34,7 +34,7 @@ pub(super) struct Session {
     since: Nanos,
     stream: Option<Stream>,
     /// Orders that are answered when the vehicle has answered.
-    pending: Vec<Unanswered>,
+    unanswered: Vec<Unanswered>,
 }
 
 /// An order that is not answered yet.
@@ -42,7 +42,7 @@ pub(super) struct Session {
 struct Unanswered {
     id: Value,
     name: String,
-    pending: Pending,
+    fate: Fate,
 }
 
 /// A stream of states.
@@ -71,7 +71,7 @@ impl Session {
     /// A conversation with a client that has just connected.
     pub(super) fn new(client: Client, shared: Arc<Shared>, now: Nanos) -> Self {
         let admitted = shared.token.is_none();
-        Self { client, shared, admitted, known: false, since: now, stream: None, pending: Vec::new() }
+        Self { client, shared, admitted, known: false, since: now, stream: None, unanswered: Vec::new() }
     }
 
     /// Takes a complete line.
@@ -132,8 +132,8 @@ impl Session {
             }
             "stream" => self.set_stream(&request, now),
             _ => match self.shared.desk.order(&self.client, &name, Value::Object(request).to_string(), now) {
-                Ok(Some(pending)) => {
-                    self.pending.push(Unanswered { id, name, pending });
+                Ok(Some(fate)) => {
+                    self.unanswered.push(Unanswered { id, name, fate });
                     return Reply { line: None, ends: false };
                 }
                 Ok(None) => Ok(()),
@@ -152,23 +152,12 @@ impl Session {
 
     /// The answers to orders that the vehicle has answered since the last call.
     pub(super) fn answers(&mut self) -> Vec<Value> {
-        let mut answers = Vec::new();
-        for order in std::mem::take(&mut self.pending) {
-            let done = match order.pending.fate.try_recv() {
-                Ok(fate) => fate,
-                Err(TryRecvError::Disconnected) => Err("the console has ended".into()),
-                Err(TryRecvError::Empty) => {
-                    self.pending.push(order);
-                    continue;
-                }
-            };
-            let Unanswered { id, name, pending } = order;
-            if done.is_err() {
-                self.shared.desk.undo(pending);
-            }
-            answers.push(self.answer(id, done.map_err(|reason| format!("{name}: {reason}"))));
-        }
-        answers
+        let answered: Vec<_> = self.unanswered.extract_if(.., |order| order.fate.get().is_some()).collect();
+        let answers = answered.into_iter().filter_map(|Unanswered { id, name, fate }| {
+            let done = fate.get()?.clone();
+            Some(self.answer(id, done.map_err(|reason| format!("{name}: {reason}"))))
+        });
+        answers.collect()
     }
 
     /// Takes the token. Before the token, every other request is refused.

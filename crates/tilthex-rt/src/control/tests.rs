@@ -246,31 +246,43 @@ fn an_order_is_answered_when_the_vehicle_has_answered() {
         format!(r#"{{"id": {id}, "command": "set_admittance", "stiffness": [{k}, 6, 6, 10, 10, 5]}}"#)
     };
     let nothing = Reply { line: None, ends: false };
-    for (id, k) in [(1, 7.0), (2, 8.0)] {
-        assert_eq!(say(&mut client, &order(id, k)), nothing);
-    }
-    assert!(client.answers().is_empty());
     let stiffness = |client: &mut Session| {
         let line = say(client, r#"{"command": "configuration"}"#).line.expect("an answer");
         let text = line["configuration"].as_str().expect("a text").to_owned();
         let config = Config::from_text(&text, std::path::Path::new("")).expect("a configuration");
         config.controller().admittance.stiffness[(0, 0)]
     };
-    let mut answer = |fate| asked.pop().expect("passed on").tell.try_send(fate).expect("room");
+    let mut answer = |done| asked.pop().expect("passed on").fate.set(done).expect("told once");
+    assert_eq!(say(&mut client, &order(1, 7.0)), nothing);
+    assert!(client.answers().is_empty());
+    assert_eq!(stiffness(&mut client), 6.0, "what is not certain changes nothing");
+    // The next change would return to what is not certain.
+    assert!(error(&say(&mut client, &order(2, 8.0))).contains("not answered to the change before"));
+    assert_eq!(say(&mut client, r#"{"id": 3, "command": "zero_bias"}"#), nothing);
     answer(Ok(()));
     assert_eq!(client.answers(), [json!({"id": 1, "ok": true})]);
+    assert_eq!(stiffness(&mut client), 7.0);
     answer(Err("the vehicle refuses it: smoke".into()));
-    assert_eq!(
-        client.answers(),
-        [json!({"id": 2, "error": "set_admittance: the vehicle refuses it: smoke"})]
-    );
+    assert_eq!(client.answers(), [json!({"id": 3, "error": "zero_bias: the vehicle refuses it: smoke"})]);
+    // A client that is gone leaves no change of its own that the vehicle has refused.
+    assert_eq!(say(&mut client, &order(4, 9.0)), nothing);
+    drop(client);
+    answer(Err("the vehicle refuses it".into()));
+    let mut client = office.client();
     assert_eq!(stiffness(&mut client), 7.0, "what is refused changes nothing");
-    assert_eq!(say(&mut client, &order(3, 9.0)), nothing);
+    assert_eq!(say(&mut client, &order(5, 10.0)), nothing);
     // Kill and land do not wait.
     assert!(ok(&say(&mut client, r#"{"command": "land"}"#)));
-    drop(asked.pop());
-    assert_eq!(client.answers(), [json!({"id": 3, "error": "set_admittance: the console has ended"})]);
+    drop(asked);
     assert_eq!(office.shared.refused.load(std::sync::atomic::Ordering::Relaxed), 2);
+}
+
+#[test]
+fn a_console_that_has_ended_takes_no_orders() {
+    let (mut office, asked) = Office::of_console();
+    drop(asked);
+    let reply = say(&mut office.client(), r#"{"command": "zero_bias"}"#);
+    assert!(error(&reply).contains("the console has ended"), "{reply:?}");
 }
 
 /// The limits are those of a flight, before anything is sent.
