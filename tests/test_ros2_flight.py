@@ -13,12 +13,13 @@ import time
 import numpy as np
 import pytest
 import tilthex
+from test_firmware import vehicle
 from test_programs import control_port, running, started, until
 from test_ros2 import SECOND
 from test_send_pose import capture_line, port  # noqa: F401
 from tilthex import log
 from tilthex._quaternions import rotations_from_quaternions
-from tilthex.ros2.clock import timer
+from tilthex.ros2.groups import timer
 
 # What warns is a parser that ROS brings.
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")]
@@ -277,28 +278,33 @@ def check_axes(heard, topics):
     """What was heard is what the log has of the same tick, in the axes of REP 103 and REP 105."""
     state = topics["/state"]
     rotations = rotations_from_quaternions(state["orientation"])
+    velocities = np.einsum("kij,ki->kj", rotations, state["velocity_w"])
+    speeds = 2 * np.pi * topics["/rotors"]["measured"]
+    variances = state["position_deviation"][:, None] ** 2 / 3
+    logged = np.hstack(
+        [rotations.reshape(-1, 9), velocities, variances]
+        + [state["specific_force_r"], speeds, topics["/wrench"]["tool_w.torque"]]
+    )
     rows = np.hstack([state["position_w"], state["angular_velocity_r"], topics["/wrench"]["tool_w.force"]])
     ticks = {tuple(row): [] for row in rows}
     for k, row in enumerate(rows):
         ticks[tuple(row)].append(k)
-    speeds = 2 * np.pi * topics["/rotors"]["measured"]
     by_stamp = [{stamp(message): message for message in heard[topic]} for topic in EVERY_STATE]
     for at in set.intersection(*map(set, by_stamp)):
         odometry, imu, joints, wrench = (messages[at] for messages in by_stamp)
-        place, turning, force = odometry.pose.pose.position, odometry.twist.twist.angular, wrench.wrench.force
-        # A tick without an inertial sample keeps the state of the one before; its rotors have other speeds.
-        same = ticks[(*xyz(place), *xyz(turning), *xyz(force))]
-        k = min(same, key=lambda tick: np.abs(speeds[tick] - joints.velocity).max())
         assert (odometry.header.frame_id, odometry.child_frame_id) == ("map", "base_link")
+        assert imu.header.frame_id == "base_link"
+        place, turning, force = odometry.pose.pose.position, odometry.twist.twist.angular, wrench.wrench.force
         turn = odometry.pose.pose.orientation
         rotation = rotations_from_quaternions(np.array([[*xyz(turn), turn.w]]))[0]
-        assert np.allclose(rotation, rotations[k], atol=1e-9)
-        assert np.allclose(rotation @ xyz(odometry.twist.twist.linear), state["velocity_w"][k], atol=1e-9)
-        assert np.isclose(odometry.pose.covariance[0], state["position_deviation"][k] ** 2 / 3)
-        assert imu.header.frame_id == "base_link"
-        assert np.allclose(xyz(imu.linear_acceleration), state["specific_force_r"][k])
-        assert np.allclose(joints.velocity, speeds[k])
-        assert np.allclose(xyz(wrench.wrench.torque), topics["/wrench"]["tool_w.torque"][k])
+        told = np.hstack(
+            [rotation.ravel(), xyz(odometry.twist.twist.linear), odometry.pose.covariance[0]]
+            + [xyz(imu.linear_acceleration), joints.velocity, xyz(wrench.wrench.torque)]
+        )
+        # A tick without an inertial sample keeps the state of the one before: one of them was heard.
+        same = logged[ticks[(*xyz(place), *xyz(turning), *xyz(force))]]
+        nearest = same[np.abs(same - told).max(axis=1).argmin()]
+        assert np.allclose(told, nearest, atol=1e-9), (told, nearest)
     # In hover the accelerometer shows the weight, upwards.
     assert max(imu.linear_acceleration.z for imu in heard["imu"]) > 9
 
@@ -355,6 +361,32 @@ def test_a_flight_is_bridged_until_the_bridge_is_told_to_end(ros, tmp_path):
             said, _ = bridging.communicate(timeout=20)
         assert bridging.returncode == 130 and "Traceback" not in said
         assert flying.poll() is None
+
+
+def test_kill_does_not_wait_for_another_order(ros, tmp_path):
+    """The bridge of a vehicle that flies itself waits for its answers."""
+    from nav_msgs.msg import Odometry
+    from std_srvs.srv import Trigger
+
+    address = f"unix:{tmp_path / 'flight'}"
+    with vehicle() as (board, console), started("console", *console, "--control", address) as process:
+        with Peer(ros) as peer, bridge("--control", address) as bridging:
+            peer.hear("odom", Odometry)
+            until(lambda: peer.heard["odom"])
+            client = peer.node.create_client(Trigger, "take_off")
+            assert client.wait_for_service(30)
+            board.send_signal(signal.SIGSTOP)
+            waiting = client.call_async(Trigger.Request())
+            with tilthex.connect(path=tmp_path / "flight") as witness:
+                until(lambda: witness.state()["controls"])
+            assert peer.trigger("kill").success
+            until(waiting.done)
+            # It was still on its way when the motors were stopped.
+            assert "the motors are stopped" in waiting.result().message
+            board.send_signal(signal.SIGCONT)
+            process.communicate(timeout=60)
+            said, _ = bridging.communicate(timeout=20)
+        assert "Traceback" not in said, said
 
 
 def test_timers_run_while_the_clock_of_ros_stands_still(ros):

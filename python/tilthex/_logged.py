@@ -116,7 +116,7 @@ class State(TypedDict):
     rotor_command: Array
     """Commanded speed of each rotor. [Hz]"""
     rotor_speeds: Array
-    """Measured speed of each rotor. [Hz]"""
+    """Measured speed of each rotor; the model's where a measurement is missing, doubted or impossible. [Hz]"""
     battery: float | None
     """Voltage of the battery; NaN (null) before it is known. [V]"""
     tick: int

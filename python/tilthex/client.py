@@ -368,8 +368,9 @@ class Flight:
 def _check_protocol(found: object) -> None:
     """Refuses a flight that speaks another version of the control protocol than this client."""
     if found != PROTOCOL:
+        version = "an older version" if found is None else f"version {found}"
         raise ConnectionError(
-            f"the flight speaks version {found} of the control protocol; expected {PROTOCOL}: "
+            f"the flight speaks {version} of the control protocol; expected {PROTOCOL}: "
             "use the tilthex of the flight for its clients"
         )
 

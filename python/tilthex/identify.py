@@ -238,7 +238,7 @@ def _covariance(
 
 
 def _aged(figures: list[Figure]) -> list[Figure]:
-    """The age of the rotor speeds as it was before the flight if a moment of inertia is not known.
+    """The age of the rotor speeds is not learnt if a moment of inertia is not known.
 
     In a gentle flight the motors mostly follow the noise of the gyro: an age that is not there explains it.
     """

@@ -31,7 +31,7 @@ use tilthex_core::{
 };
 use tilthex_link::{
     Severity,
-    onboard::{Answer, Facts, GoTo, Order, Part},
+    onboard::{Answer, Facts, GoTo, Order, Part, REFUSED},
 };
 
 /// The motors must stand still for this time after a flight before the board restarts, s: the base reads how it ended.
@@ -250,7 +250,7 @@ impl Firmware {
 
     fn refuse(&mut self, number: u8, reason: &str) {
         self.answer = Answer::Refused(number);
-        self.outbox.say(Severity::Warning, &["order refused: ", reason]);
+        self.outbox.say(Severity::Warning, &[REFUSED, reason]);
     }
 
     /// The command to the flight that carries an order out, if it needs one, or why it cannot be carried out.

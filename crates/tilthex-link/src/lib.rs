@@ -43,6 +43,9 @@ use core::convert::Infallible;
 use core::fmt;
 use tilthex_core::flight::{MotorCommand, Telemetry};
 
+/// A time before every other time, s.
+const LONG_AGO: f64 = -1e9;
+
 /// Parameters of a link.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LinkParams {

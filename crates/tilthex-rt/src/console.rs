@@ -22,7 +22,7 @@ use tilthex_core::{
 };
 use tilthex_link::{
     Outgoing, Severity, Text,
-    onboard::{Base, Event, Facts, FlightPart, Order},
+    onboard::{Base, Event, Facts, FlightPart, Order, REFUSED},
 };
 use tilthex_sim::feed::{Feed, Tick};
 
@@ -45,9 +45,6 @@ const CHUNK: usize = 1024;
 const SILENT: f64 = 1.0;
 /// An interrupt before the start ends the console after this time, s: the vehicle must have heard it.
 const CALLED_OFF: f64 = 0.5;
-
-/// The begin of a text of the vehicle about an order that it refuses.
-const REFUSED: &str = "order refused: ";
 
 /// When the console ends by itself, and what it orders by itself.
 #[derive(Clone, Copy, Debug)]

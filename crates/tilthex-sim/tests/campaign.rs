@@ -8,7 +8,7 @@ use tilthex_core::supervisor::{Fault, Reaction};
 use tilthex_link::LinkedFlight;
 use tilthex_sim::{
     Push, Pushes, Simulation, SimulationParams,
-    campaign::{self, Injection, Kind, Part, World},
+    campaign::{self, Injection, Kind, Outcome, Part, World},
 };
 
 fn fault(kind: Kind, begin: f64, duration: f64, strength: f64, index: usize) -> Injection {
@@ -21,6 +21,12 @@ fn none_fails(stories: &[(u64, &[Injection])]) {
         let outcome = campaign::fly(hovering(), faults.to_vec(), seed);
         assert_eq!(outcome.failure, None, "{outcome:?}");
     }
+}
+
+/// Nothing failed, the flight has ended, and the vehicle stands on its feet.
+fn stands(outcome: &Outcome) {
+    assert_eq!(outcome.failure, None, "{outcome:?}");
+    assert!(outcome.ended && !outcome.toppled, "{outcome:?}");
 }
 
 fn hovering() -> World {
@@ -157,16 +163,14 @@ fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
         let frozen = fault(Kind::ImuFrozen, 0.9, 0.7, 0.5, 0);
         let zero = fault(Kind::TelemetryZero, 1.05, 0.2 + 0.3 * rotor as f64, 0.5, rotor);
         let outcome = campaign::fly(world.clone(), vec![frozen, zero], 7);
-        assert_eq!(outcome.failure, None, "{rotor}: {outcome:?}");
-        assert!(outcome.ended && !outcome.toppled, "{rotor}: {outcome:?}");
+        stands(&outcome);
     }
     // A motor that itself says that it has stopped is believed.
     for rotor in 0..6 {
         let frozen = fault(Kind::ImuFrozen, 0.93, 1.0, 0.5, 0);
         let stopped = fault(Kind::MotorEmergency, 1.0, 0.6, 0.5, rotor);
         let outcome = campaign::fly(world.clone(), vec![frozen, stopped], 100);
-        assert_eq!(outcome.failure, None, "{rotor}: {outcome:?}");
-        assert!(!outcome.toppled, "{rotor}: {outcome:?}");
+        stands(&outcome);
     }
     let frozen = fault(Kind::ImuFrozen, 0.8775960566237254, 0.7285766965964035, 0.10399596276051604, 24);
     let zero = fault(Kind::TelemetryZero, 1.005862695348532, 0.17691847344051576, 0.5681027679608214, 3);
@@ -185,8 +189,7 @@ fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
             let blow = fault(Kind::PushOnArm, 1.0, 0.18, 0.5, arm);
             let frozen = fault(Kind::ImuFrozen, 1.0 + after, 1.0, 0.5, 0);
             let outcome = campaign::fly(world.clone(), vec![blow, frozen], 11);
-            assert_eq!(outcome.failure, None, "{arm} {after}: {outcome:?}");
-            assert!(outcome.ended && !outcome.toppled, "{arm} {after}: {outcome:?}");
+            stands(&outcome);
         }
     }
     let caught = fault(Kind::ImuFrozen, 1.416055248560844, 1.293565639464017, 0.18295884032742227, 13);

@@ -11,7 +11,7 @@ from typing import Any
 
 from tilthex import _control
 from tilthex.client import HEARTBEAT, Flight
-from tilthex.ros2.clock import timer
+from tilthex.ros2.groups import alone, timer
 from tilthex.ros2.poses import PoseSender
 from tilthex.ros2.pulse import Pulse
 
@@ -19,13 +19,15 @@ USAGE, LINK, INTERRUPTED = 2, 3, 130
 """Exit status, as of `tilthex-rt`: wrong usage or configuration; the connection broke; interrupted."""
 AGAIN = 0.2
 """Time between two attempts to connect to the flight, s."""
+THREADS = 4
+"""One for each group of callbacks: orders, kill and land, poses, pulse."""
 
 
 def main() -> int:
     """Runs the bridge until the flight ends or the bridge is stopped. Returns the exit status."""
     try:
         import rclpy
-        from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+        from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
         from rclpy.utilities import remove_ros_args
     except ModuleNotFoundError as error:
         return _failed(
@@ -43,9 +45,10 @@ def main() -> int:
         return _failed(str(error), USAGE)
     rclpy.init()
     node = rclpy.create_node("tilthex")
-    executor = SingleThreadedExecutor()
+    # Poses, kill and land, and the pulse do not wait while an order waits for the vehicle's answer.
+    executor = MultiThreadedExecutor(num_threads=THREADS)
     executor.add_node(node)
-    timer(node, HEARTBEAT, pulse.beat)
+    timer(node, HEARTBEAT, pulse.beat, group=alone())
     try:
         if sender is not None:
             _forward_poses(node, arguments.pose_topic, sender)
@@ -73,8 +76,8 @@ def _run(node: Any, executor: Any, connection: Callable[[], Flight], rate: float
         pilot = _wait(node, executor, connection)
         if pilot is None:
             return INTERRUPTED
-        with pilot, connection() as watcher:
-            bridge = Bridge(node, pilot, watcher, rate)
+        with pilot, connection() as watcher, connection() as brake:
+            bridge = Bridge(node, pilot, watcher, brake, rate)
             node.get_logger().info("connected to the flight")
             executor.spin_until_future_complete(bridge.ended)
             if not bridge.ended.done():
@@ -118,7 +121,11 @@ def _forward_poses(node: Any, topic: str, sender: PoseSender) -> None:
             node.get_logger().warning(f"{topic}: {error}", throttle_duration_sec=1.0)
 
     node.create_subscription(
-        message("geometry_msgs/msg/PoseStamped"), topic, forward, qos_profile_sensor_data
+        message("geometry_msgs/msg/PoseStamped"),
+        topic,
+        forward,
+        qos_profile_sensor_data,
+        callback_group=alone(),
     )
 
 

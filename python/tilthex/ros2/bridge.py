@@ -10,7 +10,7 @@ from rclpy.task import Future
 from tilthex._core import Config
 from tilthex.client import Flight
 from tilthex.ros2 import parameters
-from tilthex.ros2.clock import timer
+from tilthex.ros2.groups import timer
 from tilthex.ros2.inputs import Inputs
 from tilthex.ros2.outputs import Outputs
 from tilthex.ros2.parameters import Parameter
@@ -28,10 +28,11 @@ class Bridge:
         node: The node. Its executor executes the orders that it receives.
         pilot: A connection for orders.
         watcher: Another connection, for states.
+        brake: Another connection, for kill and land, which wait for no other order.
         rate: States per second, 0.1 to 100 Hz.
     """
 
-    def __init__(self, node: Any, pilot: Flight, watcher: Flight, rate: float) -> None:
+    def __init__(self, node: Any, pilot: Flight, watcher: Flight, brake: Flight, rate: float) -> None:
         self.ended: Any = Future()
         """Done when the flight has ended; holds an exception if the connection broke."""
         self._node, self._pilot, self._watcher, self._rate = node, pilot, watcher, rate
@@ -42,7 +43,7 @@ class Bridge:
         self._declare()
         self._outputs = Outputs(node, Config.from_text(text).vehicle)
         self._lost: Any = None
-        self._inputs = Inputs(node, pilot, self._lose)
+        self._inputs = Inputs(node, pilot, brake, self._lose)
         timer(node, REFRESH, self._look)
         threading.Thread(target=self._watch, name="tilthex-states", daemon=True).start()
 

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 DRIFT = 1e-4
 """Largest relative drift of the two clocks, s/s; much more than that of real computers."""
 JUMP = 1_000_000_000
@@ -34,10 +31,3 @@ class FlightClock:
         self._time = time
         self._last = max(round(time * 1e9) + self._offset, self._last + 1)
         return self._last
-
-
-def timer(node: Any, period: float, call: Callable[[], object]) -> Any:
-    """A timer of a node, period in s, on the steady clock, because the clock of ROS may be set or stopped."""
-    from rclpy.clock import Clock, ClockType
-
-    return node.create_timer(period, call, clock=Clock(clock_type=ClockType.STEADY_TIME))

@@ -8,14 +8,16 @@ from typing import Any
 
 from tilthex.client import Flight
 from tilthex.ros2 import orders
+from tilthex.ros2.groups import alone
 from tilthex.ros2.types import message
 
 DEPTH = 100
 """Number of messages that can wait while an order is sent: set-points of one second."""
 AGAIN = 1.0
 """Time between two warnings with the same text, s."""
-SERVICES = ("take_off", "land", "kill", "zero_bias", "release_wrench", "take_controls")
-"""Orders without arguments. Each has a service with its name."""
+SERVICES = ("take_off", "zero_bias", "release_wrench", "take_controls")
+URGENT = ("kill", "land")
+"""Orders without arguments. Each has a service with its name. The urgent ones wait for no other order."""
 
 
 class Inputs:
@@ -24,10 +26,11 @@ class Inputs:
     Args:
         node: The node.
         pilot: The connection that gives the orders.
+        brake: The connection of the urgent orders.
         lose: Called with the error of a connection that has ended.
     """
 
-    def __init__(self, node: Any, pilot: Flight, lose: Callable[[OSError], None]) -> None:
+    def __init__(self, node: Any, pilot: Flight, brake: Flight, lose: Callable[[OSError], None]) -> None:
         self._node, self._pilot, self._lose = node, pilot, lose
         self._said: dict[str, tuple[str, float]] = {}
         self.setpoints = 0
@@ -38,8 +41,10 @@ class Inputs:
             ("command/wrench", "geometry_msgs/msg/WrenchStamped", self._push),
         ):
             node.create_subscription(message(kind), topic, self._taking(topic, order), DEPTH)
-        for name in SERVICES:
-            node.create_service(message("std_srvs/srv/Trigger"), name, self._serving(getattr(pilot, name)))
+        for names, flight, group in ((SERVICES, pilot, None), (URGENT, brake, alone())):
+            for name in names:
+                answer = self._serving(getattr(flight, name))
+                node.create_service(message("std_srvs/srv/Trigger"), name, answer, callback_group=group)
 
     def _taking(self, topic: str, order: Callable[[Any], None]) -> Callable[[Any], None]:
         def take(received: Any) -> None:

@@ -69,6 +69,9 @@ use stopped::StoppedWatch;
 use thrust::ThrustWatch;
 use watch::Watch;
 
+/// A time before every other time, s.
+const LONG_AGO: f64 = -1e9;
+
 /// The parts of a flight's configuration.
 #[derive(Clone, Copy, Debug)]
 pub struct FlightParams {

@@ -115,7 +115,7 @@ pub struct Record {
     pub energy_tank: f64,
     /// Commanded rotor speeds, Hz.
     pub rotor_command: RotorVector,
-    /// Rotor speeds that the laws used, Hz: measured, or the model's where a measurement is missing or doubted.
+    /// Rotor speeds that the laws used, Hz: measured, or the model's where a measurement is missing, doubted or impossible.
     pub rotor_speeds: RotorVector,
     /// Sum of the motors' currents, A.
     pub current: f64,

@@ -1,6 +1,6 @@
 //! The expected speeds of the rotors: a model that checks the measurements, and replaces those that are missing.
 
-use super::Motor;
+use super::{LONG_AGO, Motor};
 use crate::{
     Vehicle,
     filters::lag_fraction,
@@ -12,8 +12,6 @@ use libm::fabs;
 
 /// A rotor may be as much faster than its model.
 const FASTER: f64 = 2.0;
-/// A time before every measurement, s.
-const LONG_AGO: f64 = -1e9;
 
 /// The model can show whether a motor has stopped if the motor is faster than this, Hz.
 const TELLS: f64 = 10.0;

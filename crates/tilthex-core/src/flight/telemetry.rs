@@ -1,5 +1,6 @@
 //! Telemetry: the measurements and states that a vehicle reports, over any link.
 
+use super::LONG_AGO;
 use crate::{
     supervisor::limits::IMU_FROZEN,
     types::{MAX_ROTORS, RotorVector, Vector3},
@@ -8,8 +9,6 @@ use crate::{
 /// Largest number of inertial samples that are kept in one tick: more than those in the bytes that a tick takes from a link at its
 /// default rates.
 pub const MAX_SAMPLES: usize = 64;
-/// A time before every other time, s.
-const LONG_AGO: f64 = -1e9;
 
 /// An inertial sample in IMU coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -28,7 +28,9 @@ pub const IDENTITY: &str = "tilthex1.0";
 const FAMILY: &[u8] = b"tilthex1.";
 /// After this time without an accepted kill or a landing, and without an answer to an order, it is sent again, s.
 pub const REPEAT: f64 = 0.1;
-/// An order that is not answered for this time, s, has not reached the vehicle.
+/// An order that is not answered for this time, s, is given up: it may or may not have reached the vehicle.
 pub const UNANSWERED: f64 = 2.0;
+/// The begin of a text of the vehicle about an order that it refuses.
+pub const REFUSED: &str = "order refused: ";
 /// Time between two heartbeats, s.
 pub const HEARTBEAT: f64 = 0.1;

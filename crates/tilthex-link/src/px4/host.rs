@@ -14,7 +14,8 @@ use super::{
     topics::{ActuatorMotors, MOTORS, OffboardControlMode, Topic, VehicleCommand},
 };
 use crate::{
-    Awaited, FrameLengths, GateCounters, InertialDue, LinkParams, Outgoing, Severity, Text, VehicleLink,
+    Awaited, FrameLengths, GateCounters, InertialDue, LONG_AGO, LinkParams, Outgoing, Severity, Text,
+    VehicleLink,
 };
 use tilthex_core::{
     Error,
@@ -33,8 +34,6 @@ const ORDER_EVERY: f64 = 0.2;
 const STAYS_ARMED: f64 = 0.5;
 /// After a flight the host disarms for at least this time, s, even if the vehicle reports that it is disarmed.
 const INSIST: f64 = 0.5;
-/// A time earlier than every real time, s.
-const LONG_AGO: f64 = -1e9;
 /// Bytes that a frame adds to a sample: the framing, the header and the object.
 const AROUND: u16 = 7 + 8 + 4;
 

@@ -6,7 +6,7 @@ use super::{
     VehicleMessage, imu_stream::ImuStream, scan::Scan,
 };
 use crate::{
-    Awaited, FrameLengths, Gate, GateCounters, InertialDue, LinkParams, Outgoing, Severity, Text,
+    Awaited, FrameLengths, Gate, GateCounters, InertialDue, LONG_AGO, LinkParams, Outgoing, Severity, Text,
     VehicleLink, Verdict,
 };
 use core::convert::Infallible;
@@ -25,8 +25,6 @@ const IDENTIFY_TRIES: u32 = 4;
 const MOTOR_COMMAND_EVERY: f64 = 0.1;
 /// Motors that were driven get stop commands for at least this time, s, whatever state they report.
 const INSIST: f64 = 0.5;
-/// A time before every other time, s.
-const LONG_AGO: f64 = -1e9;
 
 /// The state of the conversation.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -125,7 +125,7 @@ const ROTORS: Message<Tick> = Message {
     doc: "Rotors and battery.",
     fields: &[
         field(1, "command", "Hz", "rotor_command", "Commanded speed of each rotor.", Rotors(|t| t.record.rotor_command)),
-        field(2, "measured", "Hz", "rotor_speeds", "Measured speed of each rotor.", Rotors(|t| t.record.rotor_speeds)),
+        field(2, "measured", "Hz", "rotor_speeds", "Measured speed of each rotor; the model's where a measurement is missing, doubted or impossible.", Rotors(|t| t.record.rotor_speeds)),
         field(3, "current", "A", "", "Sum of the motors' currents.", Number(|t| t.record.current)),
         field(4, "battery", "V", "battery", "Voltage of the battery; NaN (null) before it is known.", Number(|t| t.record.battery)),
     ],
