@@ -201,6 +201,24 @@ fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
     none_fails(&[(2080271, &[caught, blow]), (3000173, &[early, long]), (3000203, &[hidden, unfelt])]);
 }
 
+/// A push that begins or ends while no IMU shows it: the poses show its torque, and the vehicle lands on its feet.
+#[test]
+fn poses_show_a_push_that_no_imu_shows() {
+    let world = hovering();
+    for direction in (0..36).step_by(6) {
+        for after in [0.1, 0.4, 0.8] {
+            let push = fault(Kind::Push, 1.0, 1.0, 0.6, direction);
+            let frozen = fault(Kind::ImuFrozen, 1.0 + after, 1.5, 0.5, 0);
+            stands(&campaign::fly(world.clone(), vec![push, frozen], 13));
+        }
+    }
+    let tool = fault(Kind::Push, 0.9077587051501463, 1.0040564201148678, 0.5082264949360532, 10);
+    let soon = fault(Kind::ImuFrozen, 0.9965070835659816, 2.1163981840898094, 0.4951286668956746, 28);
+    let arm = fault(Kind::PushOnArm, 2.6903183322027235, 0.7027979113062089, 0.9920841584729305, 26);
+    let late = fault(Kind::ImuFrozen, 2.8162485660156946, 1.3427396612869946, 0.7172646485891743, 24);
+    none_fails(&[(2123785, &[soon, tool]), (2113047, &[late, arm])]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

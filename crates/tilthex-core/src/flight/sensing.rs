@@ -73,6 +73,7 @@ impl Flight {
             self.control.observer.forget_sample();
         }
         let in_flight = self.supervisor.phase().in_flight();
+        let before_r = self.estimator.robot_state().angular_velocity_r;
         for pose in input.poses.iter().take(MAX_POSES) {
             let pose = &self.capture_clock.timed(pose, in_flight);
             let frozen = self.capture.frozen();
@@ -92,6 +93,10 @@ impl Flight {
                 self.start_refused =
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
+        }
+        if self.estimator.is_modelled() {
+            let correction_r = self.estimator.robot_state().angular_velocity_r - before_r;
+            self.imu_model.correct(&(self.params.vehicle.inertia() * correction_r));
         }
     }
 
