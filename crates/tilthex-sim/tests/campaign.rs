@@ -227,7 +227,9 @@ fn what_no_command_can_prevent_is_not_judged() {
     let stall = fault(Kind::StalledInTick, 1.1789303268831124, 0.22462998598402334, 0.9246264340702102, 18);
     let motor = fault(Kind::MotorEmergency, 2.8798102181081786, 1.3500975260289696, 0.04951972101242952, 2);
     let arm = fault(Kind::PushOnArm, 2.3692490191351654, 2.4763095187029003, 0.9341258744705702, 21);
-    none_fails(&[(1904933, &[push, stall]), (1802474, &[motor, arm])]);
+    let turning = fault(Kind::PushOnArm, 1.587463144936935, 0.6107865908165586, 0.9860977969850758, 30);
+    let boot = fault(Kind::Reboot, 1.6278935668228216, 0.05909055035153188, 0.22645361000453224, 16);
+    none_fails(&[(1904933, &[push, stall]), (1802474, &[motor, arm]), (2120775, &[turning, boot])]);
 }
 
 /// A step of the accelerometer's bias is a wrong accelerometer, not false poses: while it lasts and after it has ended.

@@ -20,7 +20,7 @@ const FLY_AWAY: f64 = 3.0;
 /// it lasts, such a push alone carries the vehicle farther.
 const THROWN: f64 = 4.0;
 /// A vehicle that no command reaches for this time, s, is not controlled: its rotors hold their last speeds. If it turns over
-/// meanwhile by more than this, deg, it cannot carry itself.
+/// meanwhile by more than this, deg, or so fast that its rotors cannot stop it before, it cannot carry itself.
 const UNHEARD: (f64, f64) = (0.1, 60.0);
 /// Rotors that cannot balance this many times a push have nothing left to stop the motion that the push has begun.
 const SPARE: f64 = 1.1;
@@ -84,7 +84,7 @@ pub(super) struct Judge {
     thrown: (f64, f64),
     /// Number of commands that the board has received, and for how long it has received none, s.
     heard: (u64, f64),
-    /// Whether it turned over while no command reached it.
+    /// Whether nothing could prevent that it turned over, because no command reached it.
     turned_over: bool,
     /// Time of the last look at the motion, s.
     looked: f64,
@@ -214,8 +214,7 @@ impl Judge {
         let commands = world.simulation.firmware().noted().commands_received;
         let unheard = if commands == self.heard.0 { self.heard.1 + dt } else { 0.0 };
         self.heard = (commands, unheard);
-        self.turned_over |=
-            unheard > UNHEARD.0 && so3::tilt(&robot.rotation_wr) > UNHEARD.1.to_radians() && self.flew;
+        self.turned_over |= unheard > UNHEARD.0 && self.flew && self.turns_over(world);
         if self.overwhelms(world) {
             let force = pushed_w(world).norm();
             self.thrown.0 += force / world.simulation.vehicle().mass() * dt;
@@ -237,6 +236,26 @@ impl Judge {
             self.outcome.impact = self.outcome.impact.max(self.falling);
         }
         self.falling = if stands { 0.0 } else { (-robot.velocity_w.z).max(0.9 * self.falling) };
+    }
+
+    /// Whether the vehicle is tilted by more than the angle of [`UNHEARD`], or will be, although its rotors brake it with the thrust
+    /// of a hover.
+    fn turns_over(&self, world: &World) -> bool {
+        let vehicle = world.simulation.vehicle();
+        let robot = world.simulation.truth().robot;
+        let angle = UNHEARD.1.to_radians() - so3::tilt(&robot.rotation_wr);
+        let to_r = robot.rotation_wr.transpose();
+        let Some(axis_r) = (to_r * Vector3::z()).cross(&Vector3::z()).try_normalize(0.0) else {
+            return false;
+        };
+        let rate = robot.angular_velocity_r.dot(&axis_r);
+        if angle <= 0.0 || rate <= 0.0 {
+            return angle <= 0.0;
+        }
+        let brakes = -axis_r * rate * rate / (2.0 * angle);
+        let torque = vehicle.inertia() * brakes - world.simulation.disturbance().torque;
+        let wrench = Vector6::from_iterator((Vector3::z() * vehicle.weight()).iter().chain(&torque).copied());
+        self.allocator.allocate(&wrench).given_up.is_some()
     }
 
     /// Whether the rotors can balance [`SPARE`] times what pushes the vehicle now in no attitude: neither level, nor with
