@@ -185,6 +185,7 @@ impl CaptureWatch {
     ) {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
+        self.doubt.read(gyro_i, dt);
         let Some(missed) = missed.filter(|_| dt < GAP) else {
             self.struck();
             return;

@@ -2,6 +2,8 @@
 //!
 //! A blow turns the vehicle, and the poses show that turn. If they do not show it, the gyro is wrong. Poses that repeat
 //! themselves are another case: they hide turns that the rotors make.
+//!
+//! A push hides a change of the bias, but not its leap: a torque changes the rate over many samples, a bias may change between two.
 
 use crate::{types::Vector3, vehicle::Vehicle};
 
@@ -9,6 +11,8 @@ use crate::{types::Vector3, vehicle::Vehicle};
 const FADES: f64 = 0.7;
 /// Time constant of its largest value, s, if that can be a change of the bias.
 const REMEMBERED: f64 = 12.0;
+/// A smaller leap of the gyro between two samples, rad/s, is noise.
+const LEAP: f64 = 0.05;
 /// Smallest and largest change of a gyro's bias, rad/s. Noise causes smaller ones; a hand or a wall causes larger
 /// ones.
 pub(super) const BIAS: (f64, f64) = (0.03, 0.35);
@@ -19,12 +23,19 @@ pub(super) const LEAST: f64 = 0.01;
 /// A component that is less than this part of the angle is not used.
 const MINOR: f64 = 0.4;
 
-/// The angular rate that the rotors do not explain, rad/s, IMU axes: now, and its largest recent value about each axis.
+/// The angular rate that the rotors do not explain, rad/s, IMU axes: now, and its largest recent value about each axis. The largest
+/// recent leap of the gyro about each axis, rad/s.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct GyroDoubt {
     offset_r: Vector3,
     rate_i: Vector3,
     largest_i: Vector3,
+    leap_i: Vector3,
+    /// The last reading, rad/s, and the last two differences of readings divided by their time, rad/s^2.
+    gyro_i: Vector3,
+    turns_i: [Vector3; 2],
+    /// Time between the last two readings, s.
+    between: f64,
 }
 
 impl GyroDoubt {
@@ -40,13 +51,27 @@ impl GyroDoubt {
         }
     }
 
+    /// Takes a reading of the gyro `dt` s after the last one, rad/s, IMU axes.
+    pub(super) fn read(&mut self, gyro_i: &Vector3, dt: f64) {
+        let turn_i = (gyro_i - self.gyro_i) / dt.max(f64::MIN_POSITIVE);
+        let [before_i, at_i] = self.turns_i;
+        for k in 0..3 {
+            let (low, high) = (before_i[k].min(turn_i[k]), before_i[k].max(turn_i[k]));
+            let leap = (at_i[k] - at_i[k].clamp(low, high)).abs() * self.between;
+            let faded = self.leap_i[k] * (1.0 - dt / REMEMBERED);
+            self.leap_i[k] = if leap < BIAS.1 { leap.max(faded) } else { faded };
+        }
+        (self.gyro_i, self.turns_i, self.between) = (*gyro_i, [at_i, turn_i], dt);
+    }
+
     /// Whether it explains the angle between the attitude by the gyro and that of the poses, rad, IMU axes.
     pub(super) fn explains(&self, apart_i: &Vector3) -> bool {
         let least = LEAST.max(MINOR * apart_i.norm());
         apart_i.norm() > LEAST
-            && self.largest_i.iter().zip(apart_i).all(|(&rate, angle)| {
-                let of_a_bias = rate > BIAS.0 && rate < BIAS.1;
-                angle.abs() < least || of_a_bias && angle.abs() < LONGEST * rate
+            && (0..3).all(|k| {
+                let (rate, leap, angle) = (self.largest_i[k], self.leap_i[k], apart_i[k].abs());
+                let of_a_bias = rate > BIAS.0 && rate < BIAS.1 && angle < LONGEST * rate;
+                angle < least || of_a_bias || leap > LEAP && angle < LONGEST * leap
             })
     }
 }
