@@ -201,6 +201,24 @@ fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
     none_fails(&[(2080271, &[caught, blow]), (3000173, &[early, long]), (3000203, &[hidden, unfelt])]);
 }
 
+/// A step of the gyro's bias is not taken for false poses, also while something pushes the vehicle or just before.
+#[test]
+fn a_push_hides_no_step_of_the_gyros_bias() {
+    let world = hovering();
+    for direction in (0..36).step_by(6) {
+        for after in [-0.3, 0.2, 0.9] {
+            let push = fault(Kind::Push, 1.0, 1.0, 0.35, direction);
+            let step = fault(Kind::GyroBias, 1.0 + after, 2.0, 0.7, direction + 1);
+            stands(&campaign::fly(world.clone(), vec![push, step], 17));
+        }
+    }
+    let zero = fault(Kind::TelemetryZero, 0.6616214274922589, 0.6470534807704698, 0.7721728514413592, 5);
+    let late = fault(Kind::GyroBias, 2.761916074738453, 1.2616007711623303, 0.8463960682831544, 33);
+    let early = fault(Kind::GyroBias, 0.8043024411076091, 1.7011704402769101, 0.7253342934481132, 21);
+    let arm = fault(Kind::PushOnArm, 0.0021030735357033814, 1.252071201610366, 0.5219929158117803, 5);
+    none_fails(&[(2138734, &[zero, late]), (2128049, &[early, arm])]);
+}
+
 /// A push that begins or ends while no IMU shows it: the poses show its torque, and the vehicle lands on its feet.
 #[test]
 fn poses_show_a_push_that_no_imu_shows() {

@@ -75,3 +75,36 @@ impl GyroDoubt {
             })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const DT: f64 = 0.002;
+
+    proptest! {
+        /// The leap of a bias is found whatever turns the vehicle; a torque that begins at once is none.
+        #[test]
+        fn a_torque_hides_no_leap(
+            leap in 0.06..0.3_f64,
+            torque_rate in -50.0..50.0_f64,
+            axis in 0..3_usize,
+            begins in 5..40_usize,
+        ) {
+            let mut doubt = GyroDoubt::default();
+            let mut gyro_i = Vector3::zeros();
+            let apart_i = Vector3::ith(axis, 0.1);
+            for k in 0..50 {
+                gyro_i[axis] += if k >= begins { torque_rate * DT } else { 0.0 };
+                doubt.read(&gyro_i, DT);
+            }
+            prop_assert!(!doubt.explains(&apart_i));
+            for k in 0..50 {
+                gyro_i[axis] += torque_rate * DT + if k == begins { leap } else { 0.0 };
+                doubt.read(&gyro_i, DT);
+            }
+            prop_assert!(doubt.explains(&apart_i) && !doubt.explains(&Vector3::ith((axis + 1) % 3, 0.1)));
+        }
+    }
+}
