@@ -57,7 +57,7 @@ impl GyroDoubt {
         let [before_i, at_i] = self.turns_i;
         for k in 0..3 {
             let (low, high) = (before_i[k].min(turn_i[k]), before_i[k].max(turn_i[k]));
-            let leap = (at_i[k] - at_i[k].clamp(low, high)).abs() * self.between;
+            let leap = (at_i[k] - at_i[k].max(low).min(high)).abs() * self.between;
             let faded = self.leap_i[k] * (1.0 - dt / REMEMBERED);
             self.leap_i[k] = if leap < BIAS.1 { leap.max(faded) } else { faded };
         }
