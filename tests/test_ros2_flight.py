@@ -282,8 +282,14 @@ def check_axes(heard, topics):
     speeds = 2 * np.pi * topics["/rotors"]["measured"]
     variances = state["position_deviation"][:, None] ** 2 / 3
     logged = np.hstack(
-        [rotations.reshape(-1, 9), velocities, variances]
-        + [state["specific_force_r"], speeds, topics["/wrench"]["tool_w.torque"]]
+        [
+            rotations.reshape(-1, 9),
+            velocities,
+            variances,
+            state["specific_force_r"],
+            speeds,
+            topics["/wrench"]["tool_w.torque"],
+        ]
     )
     rows = np.hstack([state["position_w"], state["angular_velocity_r"], topics["/wrench"]["tool_w.force"]])
     ticks = {tuple(row): [] for row in rows}
@@ -298,8 +304,14 @@ def check_axes(heard, topics):
         turn = odometry.pose.pose.orientation
         rotation = rotations_from_quaternions(np.array([[*xyz(turn), turn.w]]))[0]
         told = np.hstack(
-            [rotation.ravel(), xyz(odometry.twist.twist.linear), odometry.pose.covariance[0]]
-            + [xyz(imu.linear_acceleration), joints.velocity, xyz(wrench.wrench.torque)]
+            [
+                rotation.ravel(),
+                xyz(odometry.twist.twist.linear),
+                odometry.pose.covariance[0],
+                xyz(imu.linear_acceleration),
+                joints.velocity,
+                xyz(wrench.wrench.torque),
+            ]
         )
         # A tick without an inertial sample keeps the state of the one before: one of them was heard.
         same = logged[ticks[(*xyz(place), *xyz(turning), *xyz(force))]]
