@@ -129,7 +129,7 @@ def test_a_client_refuses_another_version_with_one_sentence(told):
         thread = threading.Thread(target=serve)
         thread.start()
         with pytest.raises(
-            ConnectionError, match=rf"version {told.get('protocol')} .* expected {PROTOCOL}: "
+            ConnectionError, match=rf"speaks .*version.* of the control protocol; expected {PROTOCOL}: "
         ):
             tilthex.connect(port=server.getsockname()[1])
         thread.join()

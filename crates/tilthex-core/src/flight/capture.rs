@@ -167,11 +167,13 @@ impl CaptureWatch {
     /// A model replaces the IMU of a vehicle in flight, which is never exactly at rest.
     pub(super) fn flies_unfelt(&mut self) {
         self.moves = true;
+        self.doubt.miss();
     }
 
     /// The vehicle is at rest: the readings of its IMU are biases.
     pub(super) fn rests(&mut self, state: &Navigation) {
         (self.rest, self.window, self.settles, self.stepped) = (Some(*state), None, 0.0, false);
+        self.doubt.rests();
     }
 
     /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
@@ -185,11 +187,12 @@ impl CaptureWatch {
     ) {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
-        self.doubt.read(gyro_i, dt);
         let Some(missed) = missed.filter(|_| dt < GAP) else {
             self.struck();
+            self.doubt.miss();
             return;
         };
+        self.doubt.read(gyro_i, dt);
         if let Some(window) = &mut self.window {
             window.missed += missed;
             window.reckoned = window.reckoned.advance(gyro_i, specific_force_i, dt);
