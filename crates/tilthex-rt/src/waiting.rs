@@ -30,15 +30,16 @@ struct Job {
     orders: VecDeque<Order>,
     /// Since when it waits, s.
     since: f64,
-    /// How many of its orders were given.
+    /// How many of its orders were given, and how many of them the vehicle has accepted.
     given: usize,
+    accepted: usize,
     fate: Fate,
 }
 
 impl Job {
     fn ends(self, done: Result<(), &str>) {
-        let told = done.map_err(|reason| match self.given {
-            0 | 1 => reason.into(),
+        let told = done.map_err(|reason| match self.accepted {
+            0 => reason.into(),
             _ => format!("{reason}; a part of it is in effect"),
         });
         // It is told once.
@@ -64,7 +65,13 @@ impl Waiting {
 
     /// Puts an order of the console itself after the one that is carried out.
     pub fn push(&mut self, order: Order, now: f64) {
-        self.jobs.push_back(Job { orders: [order].into(), since: now, given: 0, fate: Fate::default() });
+        self.jobs.push_back(Job {
+            orders: [order].into(),
+            since: now,
+            given: 0,
+            accepted: 0,
+            fate: Fate::default(),
+        });
     }
 
     /// Drops all orders, for a reason.
@@ -105,6 +112,9 @@ impl Waiting {
 
     /// Takes what has become of the order that was given last. If it is not carried out, nor is the rest of its command.
     pub fn settle(&mut self, done: Result<(), &str>) {
+        if let Some(job) = self.jobs.front_mut().filter(|job| job.given > 0) {
+            job.accepted += usize::from(done.is_ok());
+        }
         let ended = |job: &Job| job.given > 0 && (done.is_err() || job.orders.is_empty());
         if self.jobs.front().is_some_and(ended) {
             self.jobs.pop_front().into_iter().for_each(|job| job.ends(done));
@@ -115,7 +125,7 @@ impl Waiting {
     fn take(&mut self) -> Option<Job> {
         let Asked { orders, fate } = self.ring.pop().ok()?;
         let since = self.since.pop_front().unwrap_or(f64::NEG_INFINITY);
-        Some(Job { orders: orders.into(), since, given: 0, fate })
+        Some(Job { orders: orders.into(), since, given: 0, accepted: 0, fate })
     }
 }
 
@@ -187,6 +197,11 @@ mod tests {
             waiting.settle(done);
         }
         assert_eq!(refusal(&half), "the damping is too weak; a part of it is in effect");
+        let cleared = ask(&mut ring, &three);
+        assert!(waiting.next(true, 0.0, &mut |_| ()).is_some());
+        waiting.settle(Ok(()));
+        waiting.clear("H holds");
+        assert_eq!(refusal(&cleared), "H holds; a part of it is in effect");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use tilthex_core::supervisor::{Fault, Reaction};
 use tilthex_link::LinkedFlight;
 use tilthex_sim::{
     Push, Pushes, Simulation, SimulationParams,
-    campaign::{self, Injection, Kind, Outcome, Part, World},
+    campaign::{self, Injection, Kind, Part, World},
 };
 
 fn fault(kind: Kind, begin: f64, duration: f64, strength: f64, index: usize) -> Injection {
@@ -23,10 +23,19 @@ fn none_fails(stories: &[(u64, &[Injection])]) {
     }
 }
 
-/// Nothing failed, the flight has ended, and the vehicle stands on its feet.
-fn stands(outcome: &Outcome) {
-    assert_eq!(outcome.failure, None, "{outcome:?}");
-    assert!(outcome.ended && !outcome.toppled, "{outcome:?}");
+/// Flies with each pair of faults: nothing fails, the flight ends, and the vehicle stands on its feet.
+fn all_stand(seed: u64, pairs: impl IntoIterator<Item = [Injection; 2]>) {
+    let world = hovering();
+    for pair in pairs {
+        let outcome = campaign::fly(world.clone(), pair.to_vec(), seed);
+        assert_eq!(outcome.failure, None, "{outcome:?}");
+        assert!(outcome.ended && !outcome.toppled, "{outcome:?}");
+    }
+}
+
+/// All pairs of a number and a time.
+fn each(numbers: impl Iterator<Item = usize>, times: &[f64]) -> impl Iterator<Item = (usize, f64)> {
+    numbers.flat_map(move |k| times.iter().map(move |time| (k, *time)))
 }
 
 fn hovering() -> World {
@@ -158,20 +167,12 @@ fn missing_samples_do_not_make_another_body_possible() {
 /// the vehicle lands on its feet.
 #[test]
 fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
-    let world = hovering();
-    for rotor in 0..6 {
-        let frozen = fault(Kind::ImuFrozen, 0.9, 0.7, 0.5, 0);
-        let zero = fault(Kind::TelemetryZero, 1.05, 0.2 + 0.3 * rotor as f64, 0.5, rotor);
-        let outcome = campaign::fly(world.clone(), vec![frozen, zero], 7);
-        stands(&outcome);
-    }
+    let frozen = fault(Kind::ImuFrozen, 0.9, 0.7, 0.5, 0);
+    let zero = |rotor| fault(Kind::TelemetryZero, 1.05, 0.2 + 0.3 * rotor as f64, 0.5, rotor);
+    all_stand(7, (0..6).map(|rotor| [frozen, zero(rotor)]));
     // A motor that itself says that it has stopped is believed.
-    for rotor in 0..6 {
-        let frozen = fault(Kind::ImuFrozen, 0.93, 1.0, 0.5, 0);
-        let stopped = fault(Kind::MotorEmergency, 1.0, 0.6, 0.5, rotor);
-        let outcome = campaign::fly(world.clone(), vec![frozen, stopped], 100);
-        stands(&outcome);
-    }
+    let frozen = fault(Kind::ImuFrozen, 0.93, 1.0, 0.5, 0);
+    all_stand(100, (0..6).map(|rotor| [frozen, fault(Kind::MotorEmergency, 1.0, 0.6, 0.5, rotor)]));
     let frozen = fault(Kind::ImuFrozen, 0.8775960566237254, 0.7285766965964035, 0.10399596276051604, 24);
     let zero = fault(Kind::TelemetryZero, 1.005862695348532, 0.17691847344051576, 0.5681027679608214, 3);
     let early = fault(Kind::ImuFrozen, 0.09672116760268201, 0.40087822551766217, 0.7462576474237289, 27);
@@ -183,15 +184,10 @@ fn a_false_stop_turns_no_vehicle_over_that_has_no_imu() {
 /// without it, and the vehicle lands on its feet.
 #[test]
 fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
-    let world = hovering();
-    for arm in 0..6 {
-        for after in [0.03, 0.09, 0.15, 0.21] {
-            let blow = fault(Kind::PushOnArm, 1.0, 0.18, 0.5, arm);
-            let frozen = fault(Kind::ImuFrozen, 1.0 + after, 1.0, 0.5, 0);
-            let outcome = campaign::fly(world.clone(), vec![blow, frozen], 11);
-            stands(&outcome);
-        }
-    }
+    let pair = |(arm, after)| {
+        [fault(Kind::PushOnArm, 1.0, 0.18, 0.5, arm), fault(Kind::ImuFrozen, 1.0 + after, 1.0, 0.5, 0)]
+    };
+    all_stand(11, each(0..6, &[0.03, 0.09, 0.15, 0.21]).map(pair));
     let caught = fault(Kind::ImuFrozen, 1.416055248560844, 1.293565639464017, 0.18295884032742227, 13);
     let blow = fault(Kind::PushOnArm, 1.32788698616188, 0.18277540236589693, 0.5510703844157652, 2);
     let early = fault(Kind::ImuFrozen, 1.4954400413526174, 1.216689602108047, 0.5211663999078567, 20);
@@ -204,14 +200,10 @@ fn an_imu_that_freezes_in_a_blow_turns_no_vehicle_over() {
 /// A step of the gyro's bias is not taken for false poses, also while something pushes the vehicle or just before.
 #[test]
 fn a_push_hides_no_step_of_the_gyros_bias() {
-    let world = hovering();
-    for direction in (0..36).step_by(6) {
-        for after in [-0.3, 0.2, 0.9] {
-            let push = fault(Kind::Push, 1.0, 1.0, 0.35, direction);
-            let step = fault(Kind::GyroBias, 1.0 + after, 2.0, 0.7, direction + 1);
-            stands(&campaign::fly(world.clone(), vec![push, step], 17));
-        }
-    }
+    let pair = |(k, after)| {
+        [fault(Kind::Push, 1.0, 1.0, 0.35, k), fault(Kind::GyroBias, 1.0 + after, 2.0, 0.7, k + 1)]
+    };
+    all_stand(17, each((0..36).step_by(6), &[-0.3, 0.2, 0.9]).map(pair));
     let zero = fault(Kind::TelemetryZero, 0.6616214274922589, 0.6470534807704698, 0.7721728514413592, 5);
     let late = fault(Kind::GyroBias, 2.761916074738453, 1.2616007711623303, 0.8463960682831544, 33);
     let early = fault(Kind::GyroBias, 0.8043024411076091, 1.7011704402769101, 0.7253342934481132, 21);
@@ -222,14 +214,9 @@ fn a_push_hides_no_step_of_the_gyros_bias() {
 /// A push that begins or ends while no IMU shows it: the poses show its torque, and the vehicle lands on its feet.
 #[test]
 fn poses_show_a_push_that_no_imu_shows() {
-    let world = hovering();
-    for direction in (0..36).step_by(6) {
-        for after in [0.1, 0.4, 0.8] {
-            let push = fault(Kind::Push, 1.0, 1.0, 0.6, direction);
-            let frozen = fault(Kind::ImuFrozen, 1.0 + after, 1.5, 0.5, 0);
-            stands(&campaign::fly(world.clone(), vec![push, frozen], 13));
-        }
-    }
+    let pair =
+        |(k, after)| [fault(Kind::Push, 1.0, 1.0, 0.6, k), fault(Kind::ImuFrozen, 1.0 + after, 1.5, 0.5, 0)];
+    all_stand(13, each((0..36).step_by(6), &[0.1, 0.4, 0.8]).map(pair));
     let tool = fault(Kind::Push, 0.9077587051501463, 1.0040564201148678, 0.5082264949360532, 10);
     let soon = fault(Kind::ImuFrozen, 0.9965070835659816, 2.1163981840898094, 0.4951286668956746, 28);
     let arm = fault(Kind::PushOnArm, 2.6903183322027235, 0.7027979113062089, 0.9920841584729305, 26);

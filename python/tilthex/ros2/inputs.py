@@ -16,8 +16,9 @@ DEPTH = 100
 AGAIN = 1.0
 """Time between two warnings with the same text, s."""
 SERVICES = ("take_off", "zero_bias", "release_wrench", "take_controls")
+"""Orders without arguments. Each has a service with its name."""
 URGENT = ("kill", "land")
-"""Orders without arguments. Each has a service with its name. The urgent ones wait for no other order."""
+"""Orders without arguments that wait for no other order. Each has a service with its name."""
 
 
 class Inputs:

@@ -14,6 +14,7 @@ mod fence;
 mod forced_descent;
 mod guidance;
 mod gyro_doubt;
+mod gyro_leaps;
 mod imu_model;
 mod io;
 mod landing;
