@@ -9,9 +9,10 @@ use crate::{
 /// Time constant of the external torque that lasts, s. A blow is shorter, and an IMU that freezes in a turn shows a torque that
 /// is none for 50 ms.
 const LASTS: f64 = 0.7;
-/// How fast the torque follows the corrections of the angular velocity by poses, 1/s. At 100 Hz a correction shows what the torque
-/// did in 10 ms, with noise: a fifth of it is taken.
+/// How fast the torque follows the corrections of the angular velocity by poses, 1/s.
 const FOLLOWS: f64 = 20.0;
+/// It follows late poses more slowly: by at most this part of a correction in the age of the pose.
+const SHARE: f64 = 0.5;
 
 /// The model of the IMU's readings.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -27,9 +28,9 @@ impl ImuModel {
     }
 
     /// Takes the change of the angular momentum, N m s, robot axes, by which poses have corrected the model: the torque has been
-    /// another one.
-    pub(super) fn correct(&mut self, momentum_r: &Vector3) {
-        self.torque_r += FOLLOWS * momentum_r;
+    /// another one. The newest pose was taken `pose_age` s ago.
+    pub(super) fn correct(&mut self, momentum_r: &Vector3, pose_age: f64) {
+        self.torque_r += FOLLOWS.min(SHARE / pose_age.max(f64::MIN_POSITIVE)) * momentum_r;
     }
 
     /// The sample that the model predicts after `dt` s from the last estimate, the rotor speeds and the observed force, without

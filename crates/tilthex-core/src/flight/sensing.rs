@@ -51,6 +51,7 @@ impl Flight {
         if inertial.refused_now || inertial.saturated {
             self.capture.struck();
         }
+        let mut expected_i = None;
         let late = inertial.age(input.time) > IMU_LATE;
         let external = self.control.observer.wrench;
         if !modelled {
@@ -59,6 +60,7 @@ impl Flight {
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
             let state = self.estimator.robot_state();
             let model = self.imu_model.sample(&self.params.vehicle, &state, rotor_speeds, &external, dt);
+            expected_i = Some(model.gyro_i);
             let gyro_i = model.gyro_i + self.estimator.gyro_bias();
             let specific_force_i = model.specific_force_i + self.estimator.accelerometer_bias();
             // Readings that have just left their range are an impact, until this lasts.
@@ -73,7 +75,6 @@ impl Flight {
             self.control.observer.forget_sample();
         }
         let in_flight = self.supervisor.phase().in_flight();
-        let before_r = self.estimator.robot_state().angular_velocity_r;
         for pose in input.poses.iter().take(MAX_POSES) {
             let pose = &self.capture_clock.timed(pose, in_flight);
             let frozen = self.capture.frozen();
@@ -94,9 +95,13 @@ impl Flight {
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
         }
-        if self.estimator.is_modelled() {
-            let correction_r = self.estimator.robot_state().angular_velocity_r - before_r;
-            self.imu_model.correct(&(self.params.vehicle.inertia() * correction_r));
+        if let Some(expected_i) = expected_i {
+            // Late poses correct the model in later ticks, too.
+            let vehicle = &self.params.vehicle;
+            let expected_r = vehicle.imu().rotation_r * expected_i;
+            let correction_r = self.estimator.robot_state().angular_velocity_r - expected_r;
+            let pose_age = self.estimator.health().position_age;
+            self.imu_model.correct(&(vehicle.inertia() * correction_r), pose_age);
         }
     }
 
