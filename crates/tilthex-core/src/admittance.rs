@@ -15,6 +15,7 @@ mod spring;
 use crate::{
     Error,
     error::check_range,
+    force_axes::Forced,
     so3,
     types::{Matrix3, Matrix6, Reference, Setpoint, Vector3, Vector6, Wrench},
     vehicle::Mounting,
@@ -95,6 +96,12 @@ impl AdmittanceState {
             rotation: reference.rotation_we * setpoint.rotation_we.transpose(),
             twist_w: Vector6::new(v.x, v.y, v.z, w.x, w.y, w.z),
         }
+    }
+
+    /// The axes along which a set-point controls the force, if any: those of the reference's tool, or of the surface.
+    #[inline]
+    pub(crate) fn forced(&self, setpoint: &Setpoint) -> Option<Forced> {
+        setpoint.force_axes.any().then(|| setpoint.force_axes.at(&(self.rotation * setpoint.rotation_we)))
     }
 
     /// The same in axes whose coordinates are `turn` times these.
@@ -195,7 +202,7 @@ impl AdmittanceFilter {
         dt: f64,
     ) -> AdmittanceOutput {
         let mut push_w = *wrench_w;
-        if let Some(forced) = self.forced(state, setpoint) {
+        if let Some(forced) = state.forced(setpoint) {
             push_w = push_w + self.spring_w(state, setpoint) - self.relieved_w(state, setpoint, &forced);
             push_w = push_w - forced.along(&self.carried_w(setpoint));
         }

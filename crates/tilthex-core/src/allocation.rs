@@ -19,7 +19,7 @@ use crate::{
     Error, Vehicle,
     error::check_range,
     types::{MAX_ROTORS, Matrix3, RotorVector, Vector3, Vector6, Wrench},
-    vehicle::{Allocation as Matrix, AllocationInverse, inputs},
+    vehicle::{Allocation as Matrix, AllocationInverse, inputs, inputs_for, wrench_of},
 };
 use hierarchy::{ROWS, Side};
 use levels::{Levels, turned};
@@ -239,8 +239,8 @@ impl Allocator {
     /// Never fails: a component that is NaN counts as zero.
     #[must_use]
     pub fn allocate(&self, wrench: &Vector6) -> Allocation {
-        let wrench = wrench.map(wanted_component);
-        let inputs = self.inverse * wrench + self.offset;
+        let wrench = wanted(wrench);
+        let inputs = inputs_for(&self.inverse, &wrench, self.rotor_count) + self.offset;
         if within(&inputs, &self.lower, &self.upper) {
             return self.unlimited(&wrench, inputs);
         }
@@ -257,8 +257,8 @@ impl Allocator {
         rotation_wr: &Matrix3,
         status: &RotorStatus,
     ) -> Allocation {
-        let wrench = wrench.map(wanted_component);
-        let inputs = self.inverse * wrench + self.offset;
+        let wrench = wanted(wrench);
+        let inputs = inputs_for(&self.inverse, &wrench, self.rotor_count) + self.offset;
         let reached;
         let (lower, upper) = if self.params.horizon > 0.0 || status.lost != 0 {
             reached = self.limits(status);
@@ -341,7 +341,7 @@ impl Allocator {
         limits: Option<(&RotorVector, &RotorVector)>,
         iterations: u32,
     ) -> Allocation {
-        let wrench = self.matrix * inputs;
+        let wrench = wrench_of(&self.matrix, &inputs, self.rotor_count);
         let error_r = wanted - wrench;
         let error = rotation_wr.map_or(error_r, |r| turned(r, &error_r));
         let shortfall =
@@ -359,9 +359,14 @@ impl Allocator {
     }
 }
 
-/// The component limited to [`LARGEST_WANTED`]; zero if it is NaN.
-fn wanted_component(x: f64) -> f64 {
-    if x.is_nan() { 0.0 } else { x.clamp(-LARGEST_WANTED, LARGEST_WANTED) }
+/// The wrench with its components limited to [`LARGEST_WANTED`]; zero in the place of NaN.
+#[inline]
+fn wanted(wrench: &Vector6) -> Vector6 {
+    // No sum of NaN is below anything.
+    if wrench.norm_squared() < LARGEST_WANTED {
+        return *wrench;
+    }
+    wrench.map(|x| if x.is_nan() { 0.0 } else { x.clamp(-LARGEST_WANTED, LARGEST_WANTED) })
 }
 
 fn within(inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {

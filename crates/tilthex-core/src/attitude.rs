@@ -231,7 +231,7 @@ impl AttitudeSelector {
         if !self.params.mode.turns() {
             return wanted;
         }
-        self.about_tool.lead(&mut state.led, &wanted, &so3::exp(&state.turn.turn), dt)
+        self.about_tool.lead(&mut state.led, wanted, &state.turn.turn, dt)
     }
 
     /// The attitude for a wanted force of the rotors (N, world)

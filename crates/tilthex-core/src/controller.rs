@@ -13,7 +13,7 @@ use crate::{
     contact::{Contact, ContactParams, ContactState, Seen},
     error::check_range,
     filters::{LowPass, LowPassState, lag_fraction},
-    force_axes::ForceAxes,
+    force_axes::{ForceAxes, Forced},
     free_wrench::{FreeWrenchParams, FreeWrenchState},
     pose_control::{PoseCommand, PoseController, PoseGains},
     reference_bounds::ReferenceBounds,
@@ -265,7 +265,7 @@ impl Controller {
             unforced = Setpoint { force_axes: ForceAxes::NONE, ..input.setpoint };
             &unforced
         };
-        let forced = setpoint.force_axes.at(&(state.admittance.rotation * setpoint.rotation_we));
+        let forced = state.admittance.forced(setpoint).unwrap_or(Forced::NONE);
         let dead_zones = (self.params.force_dead_zone, self.params.torque_dead_zone);
         let contact_w = forced.beyond(&smooth, &setpoint.wrench_w, dead_zones);
         let wrench_admittance_w =
@@ -323,10 +323,7 @@ impl Controller {
         } else {
             self.attitude.step(&mut state.attitude, &unturned, &force_w, &rotors, dt)
         };
-        let robot_reference = attitude.reference;
-        let mut asked = robot_reference;
-        asked.angular_acceleration_r += attitude.lead_r;
-        self.pose.rotation(&mut pose, robot, &asked);
+        self.pose.rotation(&mut pose, robot, &attitude.reference, &attitude.lead_r);
         let force_r = robot.rotation_wr.transpose() * attitude.force_w;
         let wanted_wrench_r =
             Wrench { force: force_r, torque: self.wanted_torque(robot, &pose, &compensated) }.to_vector();
@@ -342,7 +339,7 @@ impl Controller {
             setpoint: input.setpoint,
             compliant: input.compliant,
             reference: yielded.reference,
-            robot_reference,
+            robot_reference: attitude.reference,
             pose,
             wanted_wrench_r,
             allocation,

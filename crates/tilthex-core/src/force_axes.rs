@@ -68,7 +68,7 @@ impl ForceAxes {
     #[must_use]
     pub fn at(&self, rotation_we: &Matrix3) -> Forced {
         if !self.any() {
-            return Forced { any: false, projections: [Matrix3::zeros(); 2] };
+            return Forced::NONE;
         }
         let axes = self.surface_ws.as_ref().unwrap_or(rotation_we);
         let on = |chosen: [bool; 3]| {
@@ -87,6 +87,9 @@ pub(crate) fn resists(felt: &Vector3, commanded: &Vector3) -> bool {
     felt.dot(commanded) < -RESISTS * commanded.norm_squared()
 }
 
+/// The projection onto no axis.
+const NO_AXES: Matrix3 = Matrix3::new(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
+
 /// The chosen axes in world coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Forced {
@@ -96,6 +99,9 @@ pub struct Forced {
 }
 
 impl Forced {
+    /// No axis.
+    pub(crate) const NONE: Self = Self { any: false, projections: [NO_AXES; 2] };
+
     /// Whether any axis is chosen.
     #[must_use]
     pub fn any(&self) -> bool {

@@ -93,7 +93,7 @@ impl PoseController {
     #[must_use]
     pub fn step(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
         let mut command = self.translation(state, reference);
-        self.rotation(&mut command, state, reference);
+        self.rotation(&mut command, state, reference, &Vector3::zeros());
         command
     }
 
@@ -113,15 +113,21 @@ impl PoseController {
         }
     }
 
-    /// Adds the half that depends on attitudes.
-    pub fn rotation(&self, command: &mut PoseCommand, state: &RobotState, reference: &Reference) {
+    /// Adds the half that depends on attitudes; `lead_r` is demanded beside the reference's angular acceleration, rad/s^2.
+    pub fn rotation(
+        &self,
+        command: &mut PoseCommand,
+        state: &RobotState,
+        reference: &Reference,
+        lead_r: &Vector3,
+    ) {
         let g = &self.gains;
         // Maps reference body coordinates to body coordinates: R^T R_r.
         let rotation_rd: Matrix3 = state.rotation_wr.transpose() * reference.rotation_wr;
         let rotation_error_r = so3::vee(&rotation_rd.transpose());
         let reference_velocity_r = rotation_rd * reference.angular_velocity_r;
         let angular_velocity_error_r = state.angular_velocity_r - reference_velocity_r;
-        command.angular_acceleration_r = rotation_rd * reference.angular_acceleration_r
+        command.angular_acceleration_r = rotation_rd * (reference.angular_acceleration_r + lead_r)
             - state.angular_velocity_r.cross(&reference_velocity_r)
             - g.angular_velocity.component_mul(&angular_velocity_error_r)
             - g.rotation.component_mul(&rotation_error_r);

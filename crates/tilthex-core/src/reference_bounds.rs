@@ -79,11 +79,16 @@ impl ReferenceBounds {
             return;
         }
         let halves = Wrench::from_vector(twist_w);
-        let slower = |v: Vector3, most: f64| v * (most / v.norm().max(most) - 1.0);
+        let slower = |v: Vector3, most: f64| {
+            let square = v.norm_squared();
+            // No root and no division while it is slow enough, as it usually is.
+            let part = if square > most * most { most / libm::sqrt(square) - 1.0 } else { 0.0 };
+            v * part
+        };
         let (v, w) = (slower(halves.force, self.speed), slower(halves.torque, self.spin));
         // The part of the velocity that is removed in this tick is removed from the acceleration too.
-        reference.acceleration_w += v / dt;
-        reference.angular_acceleration_w += w / dt;
+        reference.acceleration_w += v * (1.0 / dt);
+        reference.angular_acceleration_w += w * (1.0 / dt);
         let slower = Wrench { force: v, torque: w }.to_vector();
         let change = slower + self.back(level, &(twist_w + slower), felt_w, dt);
         state.twist_w += change;

@@ -152,6 +152,17 @@ pub(crate) fn trace(angle: f64) -> f64 {
     1.0 + 2.0 * cos(angle)
 }
 
+/// Whether the rotation `after` is within an angle, rad, of `before` with the turn (rotation vector, body) after it.
+#[must_use]
+pub(crate) fn follows(before: &Matrix3, turn_r: &Vector3, after: &Matrix3, angle: f64) -> bool {
+    // Two parts that are each below half of the angle need no exponential. The trace 1 + 2 cos(x) is about 3 - x^2.
+    let half = 0.24 * angle * angle;
+    if turn_r.norm_squared() < half && before.dot(after) > 3.0 - half {
+        return true;
+    }
+    (before * exp(turn_r)).dot(after) >= trace(angle)
+}
+
 /// Angle of the rotation, rad, in `[0, pi]`.
 #[must_use]
 pub fn angle(r: &Matrix3) -> f64 {

@@ -96,7 +96,7 @@ impl RobotState {
     pub fn is_finite(&self) -> bool {
         is_finite3(&self.position_w)
             && is_finite3(&self.velocity_w)
-            && self.rotation_wr.iter().all(|x| x.is_finite())
+            && is_finite33(&self.rotation_wr)
             && is_finite3(&self.angular_velocity_r)
     }
 }
@@ -143,7 +143,7 @@ impl Setpoint {
     #[must_use]
     pub fn is_finite(&self) -> bool {
         is_finite3(&self.position_w)
-            && self.rotation_we.iter().all(|x| x.is_finite())
+            && is_finite33(&self.rotation_we)
             && is_finite3(&self.velocity_w)
             && is_finite3(&self.angular_velocity_w)
             && is_finite3(&self.acceleration_w)
@@ -185,6 +185,11 @@ impl Reference {
     }
 }
 
+/// Whether the nine entries are finite numbers.
+pub(crate) fn is_finite33(m: &Matrix3) -> bool {
+    m.as_slice().iter().all(|x| x.is_finite())
+}
+
 /// Whether the three components are finite numbers.
 #[must_use]
 pub fn is_finite3(v: &Vector3) -> bool {
@@ -213,6 +218,6 @@ impl PoseSample {
         self.time.is_finite()
             && self.arrival.is_finite()
             && is_finite3(&self.position_w)
-            && self.rotation_wr.iter().all(|x| x.is_finite())
+            && is_finite33(&self.rotation_wr)
     }
 }

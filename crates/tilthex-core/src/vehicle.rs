@@ -1,6 +1,7 @@
 //! The vehicle: mass, rotors, tool and IMU, and the allocation matrix; (3)-(10).
 
 mod corrected;
+mod products;
 mod rotor;
 
 use crate::{
@@ -11,6 +12,8 @@ use crate::{
 };
 pub use corrected::Correction;
 use nalgebra::SMatrix;
+pub use products::{inputs, speeds};
+pub(crate) use products::{inputs_for, wrench_of};
 pub use rotor::{Rotor, TiltedHexarotor};
 use rotor::{check_rotor, column};
 
@@ -258,7 +261,7 @@ impl Vehicle {
     /// Body wrench `[F1 u; F2 u]` of rotor speeds in Hz.
     #[must_use]
     pub fn body_wrench(&self, rotor_speeds: &RotorVector) -> crate::Wrench {
-        crate::Wrench::from_vector(&(self.allocation * inputs(rotor_speeds)))
+        crate::Wrench::from_vector(&wrench_of(&self.allocation, &inputs(rotor_speeds), self.rotor_count))
     }
 
     /// Rotor speeds, Hz, that hold the vehicle still at an orientation without
@@ -267,20 +270,8 @@ impl Vehicle {
     pub fn hover_speeds(&self, rotation_wr: &Matrix3) -> RotorVector {
         let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, self.weight());
         let wrench = crate::Wrench { force: weight_r, torque: Vector3::zeros() };
-        speeds(&(self.allocation_inverse * wrench.to_vector()))
+        speeds(&inputs_for(&self.allocation_inverse, &wrench.to_vector(), self.rotor_count))
     }
-}
-
-/// Rotor inputs `u = w |w|`, Hz^2, of speeds, Hz.
-#[must_use]
-pub fn inputs(speeds: &RotorVector) -> RotorVector {
-    speeds.map(|w| w * libm::fabs(w))
-}
-
-/// Rotor speeds, Hz, of inputs, Hz^2: inverse of [`inputs`].
-#[must_use]
-pub fn speeds(inputs: &RotorVector) -> RotorVector {
-    inputs.map(|u| libm::copysign(libm::sqrt(libm::fabs(u)), u))
 }
 
 fn check_inertia(inertia: &Matrix3) -> Result<Matrix3, Error> {

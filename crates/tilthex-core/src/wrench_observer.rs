@@ -12,6 +12,7 @@ use crate::{
     filters::lag_fraction,
     so3,
     types::{Matrix3, RotorVector, Vector3, Wrench},
+    vehicle,
 };
 
 /// Diagonal gains.
@@ -55,7 +56,8 @@ pub struct WrenchObserver {
     gains: ObserverGains,
     mass: f64,
     inertia: Matrix3,
-    allocation: crate::vehicle::Allocation,
+    allocation: vehicle::Allocation,
+    rotor_count: usize,
 }
 
 /// The state of the observer.
@@ -108,7 +110,13 @@ impl WrenchObserver {
     }
 
     fn with_gains(vehicle: &Vehicle, gains: ObserverGains) -> Self {
-        Self { gains, mass: vehicle.mass(), inertia: *vehicle.inertia(), allocation: *vehicle.allocation() }
+        Self {
+            gains,
+            mass: vehicle.mass(),
+            inertia: *vehicle.inertia(),
+            allocation: *vehicle.allocation(),
+            rotor_count: vehicle.rotor_count(),
+        }
     }
 
     /// An observer with the same gains for a vehicle whose model has been corrected.
@@ -123,6 +131,11 @@ impl WrenchObserver {
         &self.gains
     }
 
+    /// The body wrench of rotor speeds, Hz.
+    fn actuation(&self, speeds: &RotorVector) -> Wrench {
+        Wrench::from_vector(&vehicle::wrench_of(&self.allocation, &vehicle::inputs(speeds), self.rotor_count))
+    }
+
     /// Takes the sample at the end of a period of `dt` seconds and returns the
     /// estimate: force in W, torque in R about the centre of mass, exerted by
     /// the environment on the robot.
@@ -130,7 +143,7 @@ impl WrenchObserver {
     /// The first sample only marks t0. (19) has a plus before its bracket here; the paper's minus would estimate the
     /// negative of the force.
     pub fn step(&self, state: &mut WrenchObserverState, input: &ObserverInput, dt: f64) -> Wrench {
-        let actuation = Wrench::from_vector(&(self.allocation * crate::vehicle::inputs(&input.rotor_speeds)));
+        let actuation = self.actuation(&input.rotor_speeds);
         let momentum_r = self.inertia * input.angular_velocity_r;
         let last = state.last.replace(Sample {
             rotation_wr: input.rotation_wr,

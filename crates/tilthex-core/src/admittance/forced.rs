@@ -7,11 +7,6 @@ use crate::{
 };
 
 impl AdmittanceFilter {
-    /// The force axes of a set-point, if it has any: those of the reference's tool, or of the surface.
-    pub(super) fn forced(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Option<Forced> {
-        setpoint.force_axes.any().then(|| setpoint.force_axes.at(&(state.rotation * setpoint.rotation_we)))
-    }
-
     /// The wrench of the spring against a deviation of the reference, N and N m, world, if the spring acts along all
     /// axes.
     pub(super) fn spring_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Wrench {
@@ -45,7 +40,7 @@ impl AdmittanceFilter {
 
     /// The wrench of the spring along the axes along which it acts, N and N m, world.
     pub(crate) fn acting_spring_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Wrench {
-        self.forced(state, setpoint).map_or_else(
+        state.forced(setpoint).map_or_else(
             || self.spring_w(state, setpoint),
             |forced| self.relieved_w(state, setpoint, &forced),
         )
@@ -54,7 +49,7 @@ impl AdmittanceFilter {
     /// The twist of the reference, m/s and rad/s, world: relative to the set-point, and along the force axes, where the
     /// set-point's motion does not act, relative to the world.
     pub(crate) fn own_twist_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Vector6 {
-        let Some(forced) = self.forced(state, setpoint) else { return state.twist_w };
+        let Some(forced) = state.forced(setpoint) else { return state.twist_w };
         let twist_w = Wrench { force: setpoint.velocity_w, torque: setpoint.angular_velocity_w };
         state.twist_w + forced.along(&twist_w).to_vector()
     }

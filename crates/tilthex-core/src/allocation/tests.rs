@@ -122,7 +122,7 @@ proptest! {
         turn in prop::array::uniform12(-1.0..1.0f64), size in -6.0..0.0f64,
     ) {
         let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
-        let wanted = w.of(&v, &a).map(wanted_component);
+        let wanted = wanted(&w.of(&v, &a));
         prop_assume!(wanted.amax() < 1e6);
         let out = a.step(&mut AllocatorState::default(), &wanted, &r, &RotorStatus::default());
         let best = cost(&v, &r, a.by_world, &wanted, &out.inputs, &order);
@@ -144,7 +144,7 @@ proptest! {
         let status = RotorStatus::default();
         let mut state = AllocatorState::default();
         let _ = a.step(&mut state, &before.of(&v, &a), &(r * turn), &status);
-        let wanted = w.of(&v, &a).map(wanted_component);
+        let wanted = wanted(&w.of(&v, &a));
         prop_assume!(wanted.amax() < 1e6);
         let warm = a.step(&mut state, &wanted, &r, &status);
         let cold = a.step(&mut AllocatorState::default(), &wanted, &r, &status);

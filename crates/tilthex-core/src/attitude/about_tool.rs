@@ -9,8 +9,8 @@
 //! push.
 
 use crate::{
-    GRAVITY,
-    types::{Matrix3, Reference, Vector3},
+    GRAVITY, so3,
+    types::{Reference, Vector3},
 };
 use libm::{exp, sqrt};
 
@@ -41,13 +41,13 @@ impl AboutTool {
         Self { lever_r: *lever_r, rate: RATE * sqrt(GRAVITY / lever_r.norm().max(SHORTEST)) }
     }
 
-    /// Moves by `dt` seconds with a turn from the wanted to the chosen attitude, and returns the wanted reference
+    /// Moves by `dt` seconds with a turn (rotation vector) from the wanted to the chosen attitude, and returns the wanted reference
     /// with the led position.
-    pub(super) fn lead(&self, state: &mut Led, wanted: &Reference, turn: &Matrix3, dt: f64) -> Reference {
-        if *state == Led::default() && *turn == Matrix3::identity() {
-            return *wanted;
+    pub(super) fn lead(&self, state: &mut Led, wanted: Reference, turn: &Vector3, dt: f64) -> Reference {
+        if state.offset_r.norm_squared() + state.rate_r.norm_squared() + turn.norm_squared() == 0.0 {
+            return wanted;
         }
-        let target = self.lever_r - turn * self.lever_r;
+        let target = self.lever_r - so3::exp(turn) * self.lever_r;
         let left = state.offset_r - target;
         // Exact over a period in which the turn is constant.
         let slope = state.rate_r + left * self.rate;
@@ -65,7 +65,7 @@ impl AboutTool {
             velocity_w: wanted.velocity_w + r * (rate_r + carried),
             acceleration_w: wanted.acceleration_w
                 + r * (acceleration_r + 2.0 * omega.cross(&rate_r) + turned),
-            ..*wanted
+            ..wanted
         }
     }
 }

@@ -129,13 +129,13 @@ proptest! {
     ) {
         let (lever, spin) = (Vector3::from(lever), Vector3::from(spin));
         let filter = AboutTool::new(&lever);
-        let (mut led, turn, dt) = (Led::default(), so3::exp(&Vector3::from(turn)), 0.002);
+        let (mut led, turn, dt) = (Led::default(), Vector3::from(turn), 0.002);
         let tool = Vector3::new(1.0, 2.0, 3.0);
         let mut at = |k: i32| {
             let rotation_wr = r * so3::exp(&(spin * f64::from(k) * dt));
             let attitude = Reference { angular_velocity_r: spin, ..Reference::hold(tool, rotation_wr) };
             let wanted = admittance::about_tool(&Setpoint::hold(tool, rotation_wr), &attitude, &lever);
-            filter.lead(&mut led, &wanted, &turn, dt)
+            filter.lead(&mut led, wanted, &turn, dt)
         };
         let mut last = at(0);
         for k in 1..(16.0 / filter.rate / dt) as i32 {
@@ -146,7 +146,7 @@ proptest! {
             prop_assert!(velocity.norm() < 1e-3 && acceleration.norm() < 0.02, "{k} {velocity} {acceleration}");
             last = next;
         }
-        let end = last.position_w + last.rotation_wr * turn * lever;
+        let end = last.position_w + last.rotation_wr * so3::exp(&turn) * lever;
         prop_assert!((end - tool).norm() < 1e-4, "{end}");
     }
 
@@ -164,7 +164,7 @@ proptest! {
         let (mut led, mut most) = (Led::default(), 0.0f64);
         for angle in &angles {
             for _ in 0..(0.5 / dt) as usize {
-                let led = filter.lead(&mut led, &wanted, &so3::exp(&(axis * *angle)), dt);
+                let led = filter.lead(&mut led, wanted, &(axis * *angle), dt);
                 most = most.max(led.acceleration_w.norm());
             }
         }

@@ -18,8 +18,6 @@ const SHARE: f64 = 0.5;
 const BRAKING: f64 = 0.5;
 /// If the wanted attitude is this far, rad, from the one that its angular velocity predicts, it has jumped.
 const JUMP: f64 = 0.08;
-/// Trace of a rotation by it: 1 + 2 cos(JUMP), up to JUMP^6.
-const JUMP_TRACE: f64 = 3.0 - JUMP * JUMP + JUMP * JUMP * JUMP * JUMP / 12.0;
 /// Largest product of bandwidth and period; a slower filter above it stays stable.
 const LARGEST_STEP: f64 = 0.2;
 /// No vehicle's angular acceleration is larger, rad/s^2.
@@ -114,8 +112,10 @@ impl TurnFilter {
     ) -> Turned {
         Self::absorb_jump(state, wanted, dt);
         state.wanted = Some((wanted.rotation_wr, wanted.angular_velocity_r));
-        let still = state.rate_r.norm() < NONE && state.acceleration_r.norm() < NONE;
-        if still && state.turn.norm() < NONE && *target == Vector3::zeros() {
+        let still = [&state.rate_r, &state.acceleration_r, &state.turn]
+            .iter()
+            .all(|v| v.norm_squared() < NONE * NONE);
+        if still && target.norm_squared() == 0.0 {
             *state = TurnState { wanted: state.wanted, ..TurnState::default() };
             return Turned { reference: *wanted, lead_r: Vector3::zeros() };
         }
@@ -135,13 +135,13 @@ impl TurnFilter {
 
     /// Keeps the chosen attitude and its rate if the wanted ones jump: no rotor can follow a jump.
     fn absorb_jump(state: &mut TurnState, wanted: &Reference, dt: f64) {
-        let Some((rotation_wr, velocity_r)) = state.wanted else { return };
-        // The wanted attitude one period ago, by its present angular velocity.
-        let origin_wr = wanted.rotation_wr * so3::exp(&(-dt * wanted.angular_velocity_r));
-        // The trace of the rotation from one to the other.
-        if origin_wr.dot(&rotation_wr) >= JUMP_TRACE {
+        let Some((rotation_wr, velocity_r)) = &state.wanted else { return };
+        let turn_r = dt * wanted.angular_velocity_r;
+        if so3::follows(rotation_wr, &turn_r, &wanted.rotation_wr, JUMP) {
             return;
         }
+        // The wanted attitude one period ago, by its present angular velocity.
+        let origin_wr = wanted.rotation_wr * so3::exp(&-turn_r);
         let jump = origin_wr.transpose() * rotation_wr;
         let before = so3::exp(&state.turn);
         let turn = jump * before;

@@ -62,8 +62,11 @@ impl Flight {
                     let (vehicle, external) =
                         (&self.params.vehicle, output.contact(&robot, &self.control.bias_r));
                     self.without_thrust = self.thrust.step(vehicle, rotor_speeds, &external, dt);
-                    self.lifting = self.thrust.lifting(vehicle, &self.rotor_model.expected(), &external);
-                    self.output = Some(output);
+                    self.thrust_seen = (self.rotor_model.expected(), external);
+                    match &mut self.output {
+                        Some(last) => *last = output,
+                        none => *none = Some(output),
+                    }
                     if guided.learn_bias {
                         self.watch_learning();
                     }

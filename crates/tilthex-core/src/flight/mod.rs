@@ -53,7 +53,7 @@ use crate::{
     model_learning::ModelPrior,
     plant::LARGEST_ROTOR_SPEED_AGE,
     supervisor::{Facts, Fault, Phase, Supervisor, limits::LINE_LATE},
-    types::{RotorVector, Setpoint, Vector3},
+    types::{RotorVector, Setpoint, Vector3, Wrench},
 };
 use bounds::Bounds;
 use capture::CaptureWatch;
@@ -161,8 +161,8 @@ pub struct Flight {
     lift_off: LiftOff,
     thrust: ThrustWatch,
     stopped: StoppedWatch,
-    /// Rotors that lift although their motors may report a stop, one bit each.
-    lifting: u16,
+    /// The speeds that the model of the rotors expected in the last tick, Hz, and the external wrench that was observed.
+    thrust_seen: (RotorVector, Wrench),
     /// Rotors without thrust, and all lost rotors, one bit each; and whether the vehicle cannot hover without them.
     without_thrust: u16,
     lost: u16,
@@ -217,7 +217,7 @@ impl Flight {
             lift_off: LiftOff::default(),
             thrust: ThrustWatch::new(&vehicle),
             stopped: StoppedWatch::default(),
-            lifting: 0,
+            thrust_seen: (RotorVector::zeros(), Wrench::ZERO),
             without_thrust: 0,
             lost: 0,
             adrift: false,
@@ -295,7 +295,10 @@ impl Flight {
         let motors = input.telemetry.motors();
         let own = motors.iter().enumerate().fold(0, |set, (i, m)| set | u16::from(m.emergency) << i);
         let still = self.rotor_model.stopped(motors, input.time);
-        let lifting = (!self.stops_unseen()).then_some(self.lifting);
+        let (speeds, external) = &self.thrust_seen;
+        let lifting = (!self.stops_unseen()).then(|| {
+            if still == 0 { 0 } else { self.thrust.lifting(&self.params.vehicle, speeds, external) }
+        });
         let stopped = self.stopped.step(still, own, lifting, dt);
         self.rotor_model.set_doubted(self.stopped.doubted());
         let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);

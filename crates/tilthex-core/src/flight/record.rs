@@ -197,7 +197,11 @@ impl Flight {
         rotor_speeds: &RotorVector,
         record: &mut Record,
     ) {
-        *record = Record { tick: self.tick, dt: period, ..Record::default() };
+        // What follows writes everything but the outputs of the laws, if there are none.
+        if self.output.is_none() {
+            *record = Record::default();
+        }
+        (record.tick, record.dt) = (self.tick, period);
         let taken = &mut record.input;
         (taken.time, taken.host, taken.command) = (input.time, input.host, input.command.is_some());
         for (slot, pose) in taken.poses.iter_mut().zip(input.poses) {

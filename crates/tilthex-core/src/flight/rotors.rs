@@ -105,20 +105,26 @@ impl RotorModel {
     /// not believed, however many. The speed that the model expects is always possible; whether a rotor stands still is judged
     /// elsewhere.
     fn judge(&mut self, motors: &[Motor]) {
-        let expected = self.expected();
-        let rotors = expected.iter().zip(self.lowest.iter()).zip(self.highest.iter()).zip(&mut self.possible);
-        for (i, (motor, (((expected, lowest), highest), last))) in motors.iter().zip(rotors).enumerate() {
-            let (speed, time) = *last;
-            let part = lag_fraction(FASTER * self.rate, motor.heard - time);
-            let slowest = speed + (lowest.min(0.0) - speed) * part - WRONG_SPEED;
-            let fastest = speed + (highest - speed) * part + WRONG_SPEED;
-            let still = fabs(motor.speed) < STOPPED * fabs(*expected);
+        let model = self.expected.as_slice().iter().zip(self.gain.as_slice());
+        let limits = self.lowest.as_slice().iter().zip(self.highest.as_slice());
+        let rotors = model.zip(limits).zip(&mut self.possible);
+        for (i, (motor, (((expected, gain), (lowest, highest)), last))) in
+            motors.iter().zip(rotors).enumerate()
+        {
+            let expected = expected * gain;
+            let still = fabs(motor.speed) < STOPPED * fabs(expected);
             let near = fabs(motor.speed - expected) <= WRONG_SPEED;
-            if still || near || (slowest..=fastest).contains(&motor.speed) {
+            let reachable = |(speed, time): (f64, f64)| {
+                let part = lag_fraction(FASTER * self.rate, motor.heard - time);
+                let slowest = speed + (lowest.min(0.0) - speed) * part - WRONG_SPEED;
+                let fastest = speed + (highest - speed) * part + WRONG_SPEED;
+                (slowest..=fastest).contains(&motor.speed)
+            };
+            if still || near || reachable(*last) {
                 *last = (motor.speed, motor.heard);
                 self.impossible &= !(1 << i);
             } else {
-                *last = (*expected, motor.heard);
+                *last = (expected, motor.heard);
                 self.impossible |= 1 << i;
             }
         }

@@ -21,12 +21,13 @@ impl Flight {
     /// Pose and twist of the robot: the estimator's, or the known ones.
     #[must_use]
     pub fn robot_state(&self) -> RobotState {
-        self.known.map_or_else(|| self.estimator.robot_state(), |known| known.robot)
+        self.known.as_ref().map_or_else(|| self.estimator.robot_state(), |known| known.robot)
     }
 
     /// Specific force at the centre of mass, m/s^2, robot: the estimator's, or the known one.
     pub(super) fn specific_force_r(&self) -> Vector3 {
-        self.known.map_or_else(|| self.estimator.specific_force_r(), |known| known.specific_force_r)
+        let known = self.known.as_ref();
+        known.map_or_else(|| self.estimator.specific_force_r(), |known| known.specific_force_r)
     }
 
     /// Updates the estimator. In flight, the model replaces missing inertial samples.
@@ -146,12 +147,14 @@ impl Flight {
             return;
         };
         let expected_w = before.position_w + before.velocity_w * dt;
-        let turned = before.rotation_wr * so3::exp(&(before.angular_velocity_r * dt));
-        let turn = now.rotation_wr * turned.transpose();
+        let turn_r = before.angular_velocity_r * dt;
         let (far, wide) = JUMP;
-        if (now.position_w - expected_w).norm() < far && so3::angle(&turn) < wide {
+        if (now.position_w - expected_w).norm() < far
+            && so3::follows(&before.rotation_wr, &turn_r, &now.rotation_wr, wide)
+        {
             return;
         }
+        let turn = now.rotation_wr * (before.rotation_wr * so3::exp(&turn_r)).transpose();
         let r = &mut output.reference;
         let moved_w = now.position_w + turn * (r.position_w - expected_w) - r.position_w;
         r.position_w += moved_w;
