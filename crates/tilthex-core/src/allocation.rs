@@ -241,7 +241,7 @@ impl Allocator {
     pub fn allocate(&self, wrench: &Vector6) -> Allocation {
         let wrench = wanted(wrench);
         let inputs = inputs_for(&self.inverse, &wrench, self.rotor_count) + self.offset;
-        if within(&inputs, &self.lower, &self.upper) {
+        if within(self.rotor_count, &inputs, &self.lower, &self.upper) {
             return self.unlimited(&wrench, inputs);
         }
         self.search(&mut AllocatorState::default(), &wrench, None, (&self.lower, &self.upper))
@@ -266,7 +266,7 @@ impl Allocator {
         } else {
             (&self.lower, &self.upper)
         };
-        if within(&inputs, lower, upper) {
+        if within(self.rotor_count, &inputs, lower, upper) {
             state.searched = false;
             return self.unlimited(&wrench, inputs);
         }
@@ -369,9 +369,10 @@ fn wanted(wrench: &Vector6) -> Vector6 {
     wrench.map(|x| if x.is_nan() { 0.0 } else { x.clamp(-LARGEST_WANTED, LARGEST_WANTED) })
 }
 
-fn within(inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {
+/// Whether the inputs of `count` rotors are within their limits.
+fn within(count: usize, inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {
     let limits = lower.as_slice().iter().zip(upper.as_slice());
-    inputs.as_slice().iter().zip(limits).all(|(u, (l, h))| l <= u && u <= h)
+    inputs.as_slice().iter().zip(limits).take(count).all(|(u, (l, h))| l <= u && u <= h)
 }
 
 #[cfg(test)]

@@ -249,8 +249,9 @@ impl AttitudeSelector {
             return Attitude { reference: *wanted, lead_r: Vector3::zeros(), force_w: *force_w };
         }
         let (target, force_w) = self.target(state, &wanted.rotation_wr, force_w, rotors);
-        let turned = self.filter.step(&mut state.turn, wanted, &target, dt);
-        Attitude { reference: turned.reference, lead_r: turned.lead_r, force_w }
+        let mut reference = *wanted;
+        let lead_r = self.filter.step(&mut state.turn, &mut reference, &target, dt);
+        Attitude { reference, lead_r, force_w }
     }
 
     /// The limits of a turn's angular acceleration.

@@ -19,7 +19,7 @@ use crate::{
     reference_bounds::ReferenceBounds,
     rotor_room::RotorRoom,
     types::{Matrix3, Reference, RobotState, RotorVector, Setpoint, Vector3, Vector6, Wrench},
-    vehicle::speeds,
+    vehicle::speeds_of,
     wrench_observer::{ObserverGains, ObserverInput, WrenchObserver, WrenchObserverState, tool_wrench},
 };
 pub use signals::{ControllerInput, ControllerOutput, ControllerState};
@@ -330,7 +330,7 @@ impl Controller {
         let allocation =
             self.allocator.step(&mut state.allocator, &wanted_wrench_r, &robot.rotation_wr, &rotors);
         ControllerOutput {
-            rotor_speeds: speeds(&allocation.inputs),
+            rotor_speeds: speeds_of(&allocation.inputs, self.vehicle.rotor_count()),
             wrench_robot: observed,
             wrench_tool_w,
             wrench_contact_w,

@@ -13,7 +13,7 @@ use crate::{
 pub use corrected::Correction;
 use nalgebra::SMatrix;
 pub use products::{inputs, speeds};
-pub(crate) use products::{inputs_for, wrench_of};
+pub(crate) use products::{inputs_for, speeds_of, wrench_of};
 pub use rotor::{Rotor, TiltedHexarotor};
 use rotor::{check_rotor, column};
 
@@ -270,7 +270,8 @@ impl Vehicle {
     pub fn hover_speeds(&self, rotation_wr: &Matrix3) -> RotorVector {
         let weight_r = rotation_wr.transpose() * Vector3::new(0.0, 0.0, self.weight());
         let wrench = crate::Wrench { force: weight_r, torque: Vector3::zeros() };
-        speeds(&inputs_for(&self.allocation_inverse, &wrench.to_vector(), self.rotor_count))
+        let inputs = inputs_for(&self.allocation_inverse, &wrench.to_vector(), self.rotor_count);
+        speeds_of(&inputs, self.rotor_count)
     }
 }
 

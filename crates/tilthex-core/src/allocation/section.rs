@@ -134,7 +134,7 @@ impl ForceSection {
                 upper[i] = 0.0;
             }
         }
-        if self.full && within(&(self.inverse * wrench), &lower, &upper) {
+        if self.full && within(MAX_ROTORS, &(self.inverse * wrench), &lower, &upper) {
             return Wrench { force: *force_r, torque: Vector3::zeros() };
         }
         self.levels.solve(state, &wrench, (&lower, &upper), None);

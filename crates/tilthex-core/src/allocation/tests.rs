@@ -97,7 +97,7 @@ proptest! {
     fn limits_hold_and_the_search_ends(v in vehicle(), w in wrench(), order in order()) {
         let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
         let out = a.allocate(&w.of(&v, &a));
-        prop_assert!(within(&out.inputs, &a.lower, &a.upper), "{out:?}");
+        prop_assert!(within(MAX_ROTORS, &out.inputs, &a.lower, &a.upper), "{out:?}");
         prop_assert!(out.wrench.iter().chain(&out.shortfall).all(|x| x.is_finite()));
         prop_assert!(out.iterations <= 8 * v.rotors().len() as u32, "{}", out.iterations);
     }

@@ -181,7 +181,7 @@ proptest! {
         let wanted = Reference::hold(Vector3::zeros(), Matrix3::identity());
         let (mut farthest, mut lagged) = (0.0f64, Vector3::zeros());
         for _ in 0..(16.0 / dt) as usize {
-            let lead = filter.step(&mut state, &wanted, &target, dt).lead_r;
+            let lead = filter.step(&mut state, &mut { wanted }, &target, dt);
             let a = state.acceleration_r;
             // Rotors that follow with the lag give the acceleration.
             let asked = a + lead;

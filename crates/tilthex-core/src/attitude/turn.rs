@@ -2,7 +2,7 @@
 //!
 //! A filter of third order. The turn follows its target with a bounded angular acceleration, which changes only as
 //! fast as the rotors' lag allows. Far from the target it brakes in time; near the target the filter is linear. The
-//! part of the acceleration that the lag removes is known, and is commanded in addition ([`Turned::lead_r`]).
+//! part of the acceleration that the lag removes is known, and is commanded in addition.
 
 use crate::{
     Vehicle,
@@ -93,23 +93,16 @@ pub struct TurnState {
     wanted: Option<(Matrix3, Vector3)>,
 }
 
-/// The reference in the chosen attitude.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Turned {
-    pub reference: Reference,
-    /// Angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
-    pub lead_r: Vector3,
-}
-
 impl TurnFilter {
-    /// Moves the turn towards a target rotation vector, wanted body coordinates.
+    /// Moves the turn towards a target rotation vector, wanted body coordinates, and turns the wanted reference by it. Returns
+    /// the angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
     pub(super) fn step(
         &self,
         state: &mut TurnState,
-        wanted: &Reference,
+        wanted: &mut Reference,
         target: &Vector3,
         dt: f64,
-    ) -> Turned {
+    ) -> Vector3 {
         Self::absorb_jump(state, wanted, dt);
         state.wanted = Some((wanted.rotation_wr, wanted.angular_velocity_r));
         let still = [&state.rate_r, &state.acceleration_r, &state.turn]
@@ -117,12 +110,12 @@ impl TurnFilter {
             .all(|v| v.norm_squared() < NONE * NONE);
         if still && target.norm_squared() == 0.0 {
             *state = TurnState { wanted: state.wanted, ..TurnState::default() };
-            return Turned { reference: *wanted, lead_r: Vector3::zeros() };
+            return Vector3::zeros();
         }
         let lead_r = if dt > 0.0 { self.advance(state, target, dt) } else { Vector3::zeros() };
         let turn = so3::exp(&state.turn);
         let carried = turn.transpose() * wanted.angular_velocity_r;
-        let reference = Reference {
+        *wanted = Reference {
             rotation_wr: wanted.rotation_wr * turn,
             angular_velocity_r: carried + state.rate_r,
             angular_acceleration_r: turn.transpose() * wanted.angular_acceleration_r
@@ -130,7 +123,7 @@ impl TurnFilter {
                 + state.acceleration_r,
             ..*wanted
         };
-        Turned { reference, lead_r }
+        lead_r
     }
 
     /// Keeps the chosen attitude and its rate if the wanted ones jump: no rotor can follow a jump.

@@ -1,7 +1,7 @@
 //! From rotor speeds to inputs and the body wrench, and back.
 
 use super::{Allocation, AllocationInverse};
-use crate::types::{RotorVector, Vector6};
+use crate::types::{MAX_ROTORS, RotorVector, Vector6};
 
 /// Body wrench of the inputs of `count` rotors. The zero columns of the others cost nothing.
 #[must_use]
@@ -36,5 +36,16 @@ pub fn inputs(speeds: &RotorVector) -> RotorVector {
 /// Rotor speeds, Hz, of inputs, Hz^2: inverse of [`inputs`].
 #[must_use]
 pub fn speeds(inputs: &RotorVector) -> RotorVector {
-    inputs.map(|u| libm::copysign(libm::sqrt(libm::fabs(u)), u))
+    speeds_of(inputs, MAX_ROTORS)
+}
+
+/// The same for `count` rotors. The other speeds are zero.
+#[must_use]
+#[inline]
+pub(crate) fn speeds_of(inputs: &RotorVector, count: usize) -> RotorVector {
+    let mut speeds = RotorVector::zeros();
+    for (speed, input) in speeds.as_mut_slice().iter_mut().zip(inputs.as_slice()).take(count) {
+        *speed = libm::copysign(libm::sqrt(libm::fabs(*input)), *input);
+    }
+    speeds
 }
