@@ -137,8 +137,8 @@ impl Flight {
         let unfelt = active.contains(Fault::ImuSilent);
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
         // A tenth of a second decides how far aside the vehicle comes down.
-        let turned_over = so3::tilt(&self.robot_state().rotation_wr) > self.params.watch.max_tilt;
-        turned_over && powerless
+        let turned_over = || so3::tilt(&self.robot_state().rotation_wr) > self.params.watch.max_tilt;
+        powerless && turned_over()
             || active.contains(Fault::Tilt) && unfelt
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt
     }

@@ -176,8 +176,8 @@ impl RotorModel {
             let believed = (self.doubted | self.impossible) >> i & 1 == 0 && self.is_measured(motor, now);
             let changed = |(later, earlier): (f64, f64)| gain * (later - earlier);
             *speed = if believed {
-                let since = expected_at(now - at, i).zip(expected_at(now - motor.heard + self.age, i));
-                motor.speed + since.map_or(0.0, changed)
+                let since = || expected_at(now - at, i).zip(expected_at(now - motor.heard + self.age, i));
+                motor.speed + if self.age > 0.0 { since().map_or(0.0, changed) } else { 0.0 }
             } else {
                 expected * gain
             };
