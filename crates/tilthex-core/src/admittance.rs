@@ -258,6 +258,11 @@ impl AdmittanceFilter {
         setpoint_velocity: Vector3,
         dt: f64,
     ) -> (Vector6, bool) {
+        let moved = state.translation_w.norm_squared() + state.twist_w.norm_squared() + push.norm_squared();
+        if moved == 0.0 && state.rotation == Matrix3::identity() {
+            // Nothing pushes it away from the set-point.
+            return (Vector6::zeros(), false);
+        }
         let push = law.mass_inverse.apply(push);
         let motion = Motion { law, spring: &self.spring, push, setpoint_velocity };
         if dt > 0.0 {

@@ -41,8 +41,9 @@ impl ForceAxes {
 
     /// Whether any axis is chosen.
     #[must_use]
+    #[inline]
     pub fn any(&self) -> bool {
-        self.force.iter().chain(&self.torque).any(|chosen| *chosen)
+        self.force != [false; 3] || self.torque != [false; 3]
     }
 
     /// Chooses the axis of a name of [`NAMES`](Self::NAMES); returns false if there is no such axis.

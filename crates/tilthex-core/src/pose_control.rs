@@ -4,7 +4,7 @@ use crate::{
     Error,
     error::check_range,
     so3,
-    types::{Matrix3, Reference, RobotState, Vector3},
+    types::{Reference, RobotState, Vector3},
 };
 
 /// Diagonal gains. The units make each row of the closed loop a second-order
@@ -123,7 +123,7 @@ impl PoseController {
     ) {
         let g = &self.gains;
         // Maps reference body coordinates to body coordinates: R^T R_r.
-        let rotation_rd: Matrix3 = state.rotation_wr.transpose() * reference.rotation_wr;
+        let rotation_rd = so3::between(&state.rotation_wr, &reference.rotation_wr);
         let rotation_error_r = so3::vee(&rotation_rd.transpose());
         let reference_velocity_r = rotation_rd * reference.angular_velocity_r;
         let angular_velocity_error_r = state.angular_velocity_r - reference_velocity_r;

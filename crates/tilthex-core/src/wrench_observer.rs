@@ -54,6 +54,8 @@ pub struct ObserverGains {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrenchObserver {
     gains: ObserverGains,
+    /// The gain of all axes, 1/s, if they have the same.
+    one_gain: Option<f64>,
     mass: f64,
     inertia: Matrix3,
     allocation: vehicle::Allocation,
@@ -110,8 +112,11 @@ impl WrenchObserver {
     }
 
     fn with_gains(vehicle: &Vehicle, gains: ObserverGains) -> Self {
+        let first = gains.force.x;
+        let same = gains.force.iter().chain(&gains.torque).all(|gain| *gain == first);
         Self {
             gains,
+            one_gain: same.then_some(first),
             mass: vehicle.mass(),
             inertia: *vehicle.inertia(),
             allocation: *vehicle.allocation(),
@@ -157,21 +162,18 @@ impl WrenchObserver {
 
         // The rotation over the period, seen from its start. A torque that is constant in the body rotates with it,
         // and its mean is given by the left Jacobian.
-        let turn = last.rotation_wr.transpose() * input.rotation_wr;
+        let turn = so3::between(&last.rotation_wr, &input.rotation_wr);
         let gained = turn * momentum_r - last.momentum_r;
         let mean_torque_r = so3::left_jacobian_solve(&so3::log(&turn), &gained) / dt;
         let torque_r = mean_torque_r - 0.5 * (last.torque_r + actuation.torque);
 
-        let fraction = |gain: &Vector3| {
-            if gain.x == gain.y && gain.y == gain.z {
-                Vector3::repeat(lag_fraction(gain.x, dt))
-            } else {
-                gain.map(|rate| lag_fraction(rate, dt))
-            }
+        let (of_force, of_torque) = if let Some(rate) = self.one_gain {
+            let fraction = Vector3::repeat(lag_fraction(rate, dt));
+            (fraction, fraction)
+        } else {
+            let fraction = |gain: &Vector3| gain.map(|rate| lag_fraction(rate, dt));
+            (fraction(&self.gains.force), fraction(&self.gains.torque))
         };
-        let gains = &self.gains;
-        let of_force = fraction(&gains.force);
-        let of_torque = if gains.torque == gains.force { of_force } else { fraction(&gains.torque) };
         let estimate = &mut state.wrench;
         estimate.force += of_force.component_mul(&(force_w - estimate.force));
         estimate.torque += of_torque.component_mul(&(torque_r - estimate.torque));

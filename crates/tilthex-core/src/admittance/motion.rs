@@ -16,7 +16,7 @@ const USUAL_PERIOD: f64 = 0.002;
 /// prepared one; its error is at most 3e-6 of the fastest mode. Other periods need their own propagator.
 const JITTER: f64 = 0.025;
 
-/// A filter that moves by more than this in a period, rad, is prevented from gaining energy.
+/// A filter that swings by more than this in a period, rad, is prevented from gaining energy.
 const SWINGS: f64 = 0.1;
 
 /// The linear part.
@@ -29,6 +29,8 @@ pub(super) struct Linear<B> {
     stiffness_rate: B,
     /// A bound of the fastest mode, 1/s.
     fastest: f64,
+    /// A bound of the fastest swing without damping, 1/s.
+    swing: f64,
     propagator: Propagator<B>,
 }
 
@@ -36,7 +38,8 @@ impl<B: Block> Linear<B> {
     /// Prepared for periods near 2 ms.
     pub(super) fn new(mass: B, mass_inverse: B, damping_rate: B, stiffness_rate: B, fastest: f64) -> Self {
         let propagator = Propagator::new(&stiffness_rate, &damping_rate, fastest, USUAL_PERIOD);
-        Self { mass, mass_inverse, damping_rate, stiffness_rate, fastest, propagator }
+        let swing = libm::sqrt(stiffness_rate.row_sum());
+        Self { mass, mass_inverse, damping_rate, stiffness_rate, fastest, swing, propagator }
     }
 
     /// Prepares for periods near this, s.
@@ -109,7 +112,7 @@ impl<B: Block> Motion<'_, B> {
         state.rotation = so3::exp(&turn) * start.rotation;
         state.twist_w += gained;
         // Under a set-point that does not rotate, the work is known well enough for every spring.
-        let swings = self.law.fastest * p.period > SWINGS && self.setpoint_velocity == Vector3::zeros();
+        let swings = self.law.swing * p.period > SWINGS && self.setpoint_velocity == Vector3::zeros();
         if (swings || !p.shows_bend) && self.spring.has_potential() {
             let yielded = moved - (rates.0 - start.twist_w) * p.period;
             let work = self.law.mass.apply(&self.push).dot(&yielded)

@@ -20,6 +20,8 @@ pub(super) trait Block: Copy + Add<Output = Self> + Mul<f64, Output = Self> {
     fn apply(&self, v: &Vector6) -> Vector6;
     /// Largest entry of the rows of rotation.
     fn most_rotation(&self) -> f64;
+    /// Largest sum of the absolute entries of a row: a bound of the eigenvalues.
+    fn row_sum(&self) -> f64;
 }
 
 impl Block for Vector6 {
@@ -39,6 +41,9 @@ impl Block for Vector6 {
     fn most_rotation(&self) -> f64 {
         self.fixed_rows::<3>(3).amax()
     }
+    fn row_sum(&self) -> f64 {
+        self.amax()
+    }
 }
 
 impl Block for Matrix6 {
@@ -57,6 +62,9 @@ impl Block for Matrix6 {
     }
     fn most_rotation(&self) -> f64 {
         self.fixed_rows::<3>(3).amax()
+    }
+    fn row_sum(&self) -> f64 {
+        self.row_iter().map(|row| row.iter().map(|x| libm::fabs(*x)).sum()).fold(0.0, f64::max)
     }
 }
 

@@ -85,6 +85,13 @@ impl ForceSection {
             let normal = outwards / distance;
             return (distance > tolerance).then(|| (normal, normal.dot(&nearest)));
         };
+        let inside = faces.iter().fold(true, |inside, face| {
+            let along = face.normal.dot(force_r);
+            inside & (along - face.upper <= tolerance) & (face.lower - along <= tolerance)
+        });
+        if inside {
+            return None;
+        }
         let mut farthest = tolerance;
         let mut cut = None;
         for face in faces {
