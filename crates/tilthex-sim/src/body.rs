@@ -2,7 +2,7 @@
 
 use tilthex_core::{
     RobotState, RotorVector, Vector3, Wrench,
-    plant::{EffectsState, ImuSample, Plant, PlantState},
+    plant::{EffectsState, ImuSample, Plant, PlantState, TimeStep},
 };
 
 use super::{Pushes, ground::Ground};
@@ -61,17 +61,21 @@ pub trait Body {
 pub struct Own {
     plant: Plant,
     state: PlantState,
+    /// The last step.
+    time_step: TimeStep,
     /// Flat ground at z = 0; `None` for a body that flies high above it.
     ground: Option<Ground>,
     pushes: Pushes,
     external: Wrench,
     tool_wrench_w: Wrench,
+    /// Whether every rotor is as the plant has it.
+    sound: bool,
     /// Fraction of the commanded speed that each motor reaches.
-    pub(super) health: RotorVector,
+    health: RotorVector,
     /// Fraction of its thrust that each rotor has.
-    pub(super) thrust: RotorVector,
+    thrust: RotorVector,
     /// 1 if a rotor turns in the opposite direction, with a propeller for that direction; otherwise 0.
-    pub(super) reversed: RotorVector,
+    reversed: RotorVector,
     /// The wrench on the tool (world, at its tip) in addition to the pushes.
     pub(super) pressed_tool_w: Wrench,
     /// The wrench on the body: force W, torque R about the centre of mass.
@@ -84,19 +88,9 @@ impl Own {
     pub fn new(plant: Plant, pushes: Pushes, seed: u64) -> Self {
         // The legs keep the tool off the ground, and are at least 0.15 m long.
         let leg = (-plant.vehicle().tool().position_r.z).max(0.1) + 0.05;
-        let mut body = Self {
-            plant,
-            state: PlantState::new(RobotState::at_rest(Vector3::new(0.0, 0.0, leg)), RotorVector::zeros()),
-            ground: Some(Ground { leg }),
-            pushes,
-            external: Wrench::ZERO,
-            tool_wrench_w: Wrench::ZERO,
-            health: RotorVector::repeat(1.0),
-            thrust: RotorVector::repeat(1.0),
-            reversed: RotorVector::zeros(),
-            pressed_tool_w: Wrench::ZERO,
-            pressed: Wrench::ZERO,
-        };
+        let robot = RobotState::at_rest(Vector3::new(0.0, 0.0, leg));
+        let state = PlantState::new(robot, RotorVector::zeros());
+        let mut body = Self::in_state(plant, pushes, state, Some(Ground { leg }));
         body.settle();
         body.state.effects = EffectsState::new(plant.effects(), seed);
         body
@@ -106,18 +100,45 @@ impl Own {
     #[must_use]
     pub fn airborne(plant: Plant, pushes: Pushes, state: PlantState, seed: u64) -> Self {
         let effects = EffectsState::new(plant.effects(), seed);
+        Self::in_state(plant, pushes, PlantState { effects, ..state }, None)
+    }
+
+    fn in_state(plant: Plant, pushes: Pushes, state: PlantState, ground: Option<Ground>) -> Self {
         Self {
             plant,
-            state: PlantState { effects, ..state },
-            ground: None,
+            state,
+            time_step: plant.time_step(0.0),
+            ground,
             pushes,
             external: Wrench::ZERO,
             tool_wrench_w: Wrench::ZERO,
+            sound: true,
             health: RotorVector::repeat(1.0),
             thrust: RotorVector::repeat(1.0),
             reversed: RotorVector::zeros(),
             pressed_tool_w: Wrench::ZERO,
             pressed: Wrench::ZERO,
+        }
+    }
+
+    /// Limits the speed of a rotor (from 0) to a fraction of the speed that its motor is commanded.
+    pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
+        if let Some(health) = self.health.get_mut(rotor) {
+            (*health, self.sound) = (part, false);
+        }
+    }
+
+    /// Reduces thrust and drag of a rotor (from 0) to a fraction, at an unchanged speed.
+    pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
+        if let Some(thrust) = self.thrust.get_mut(rotor) {
+            (*thrust, self.sound) = (part, false);
+        }
+    }
+
+    /// Makes a rotor (from 0) turn in the opposite direction, with a propeller for that direction.
+    pub fn reverse_spin(&mut self, rotor: usize) {
+        if let Some(reversed) = self.reversed.get_mut(rotor) {
+            (*reversed, self.sound) = (1.0, false);
         }
     }
 
@@ -139,16 +160,34 @@ impl Own {
         self.pressed_tool_w + since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time))
     }
 
+    /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) under the wrenches that act.
+    #[must_use]
+    pub fn accelerations(&self) -> (Vector3, Vector3) {
+        self.plant.accelerations(&self.state, &self.external)
+    }
+
     fn sum_up(&mut self) {
-        let push = self.plant.from_tool(&self.state, &self.tool_wrench_w);
+        let untouched = self.tool_wrench_w == Wrench::ZERO;
+        let push =
+            if untouched { Wrench::ZERO } else { self.plant.from_tool(&self.state, &self.tool_wrench_w) };
         let ground = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
-        self.external = ground + push + self.pressed - self.lost_thrust();
+        let lost = if self.sound { Wrench::ZERO } else { self.lost_thrust() };
+        self.external = ground + push + self.pressed - lost;
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
         self.sum_up();
-        let commands = commands.component_mul(&self.health);
-        self.plant.step(&mut self.state, &commands, &self.external, dt);
+        if self.time_step.dt() != dt {
+            self.time_step = self.plant.time_step(dt);
+        }
+        let limited;
+        let commands = if self.sound {
+            commands
+        } else {
+            limited = commands.component_mul(&self.health);
+            &limited
+        };
+        self.plant.step_by(&self.time_step, &mut self.state, commands, &self.external);
     }
 
     /// The part of the nominal wrench that damaged and reversed rotors do not exert: force W, torque R.

@@ -126,23 +126,17 @@ impl<F: Board> Simulation<Own, F> {
 
     /// Limits the speed of a rotor (from 0) to a fraction of the speed that its motor is commanded.
     pub fn weaken_rotor(&mut self, rotor: usize, part: f64) {
-        if let Some(health) = self.body.health.get_mut(rotor) {
-            *health = part;
-        }
+        self.body.weaken_rotor(rotor, part);
     }
 
     /// Reduces thrust and drag of a rotor (from 0) to a fraction, at an unchanged speed.
     pub fn damage_rotor(&mut self, rotor: usize, part: f64) {
-        if let Some(thrust) = self.body.thrust.get_mut(rotor) {
-            *thrust = part;
-        }
+        self.body.damage_rotor(rotor, part);
     }
 
     /// Makes a rotor (from 0) turn in the opposite direction, with a propeller for that direction.
     pub fn reverse_spin(&mut self, rotor: usize) {
-        if let Some(reversed) = self.body.reversed.get_mut(rotor) {
-            *reversed = 1.0;
-        }
+        self.body.reverse_spin(rotor);
     }
 
     /// Exchanges the wires of two motors (from 0).

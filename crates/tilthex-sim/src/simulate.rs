@@ -167,8 +167,8 @@ impl World {
     fn tick(&mut self, time: f64, captures: bool) {
         self.time = time;
         self.body.feel(self.started.map(|started| time - started));
-        let state = *self.body.state();
-        let imu = self.body.imu();
+        let (state, accelerations) = (self.body.state(), self.body.accelerations());
+        let imu = self.plant.imu_at(state, &accelerations);
         let sample = self.sensors.imu(&imu);
         self.telemetry.begin_tick();
         self.telemetry.inertial.push(
@@ -180,17 +180,19 @@ impl World {
                 shaken: false,
             },
         );
-        self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, &state));
-        for motor in 0..self.plant.vehicle().rotor_count() {
-            let spinning = match self.commanded.motors {
-                MotorCommand::Stop | MotorCommand::Kill => false,
-                MotorCommand::Alone(one, _) => one == motor,
-                MotorCommand::Start(_) | MotorCommand::Turn(_) => true,
-            };
-            self.telemetry.set_spinning(motor, spinning);
+        self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, state));
+        let spinning = match self.commanded.motors {
+            MotorCommand::Stop | MotorCommand::Kill => Some(0..0),
+            MotorCommand::Alone(one, _) => Some(one..one + 1),
+            MotorCommand::Start(_) | MotorCommand::Turn(_) => None,
+        };
+        if let Some(spinning) = spinning {
+            for motor in 0..self.plant.vehicle().rotor_count() {
+                self.telemetry.set_spinning(motor, spinning.contains(&motor));
+            }
         }
         if captures {
-            let (position_w, rotation_wr) = self.sensors.pose(&state);
+            let (position_w, rotation_wr) = self.sensors.pose(state);
             self.capture.take(time, position_w, rotation_wr);
         }
         let measured = Measured {
@@ -199,7 +201,7 @@ impl World {
             poses: &self.capture.arrived(time),
             command: None,
             host: HostFacts::default(),
-            known: (!self.estimate).then(|| self.known(&state, &imu.specific_force_i)),
+            known: (!self.estimate).then(|| self.known(&imu.specific_force_i, &accelerations.1)),
         };
         self.flight.tick(&measured, &mut self.commanded);
         if self.started.is_none() && matches!(self.commanded.motors, MotorCommand::Start(_)) {
@@ -208,24 +210,25 @@ impl World {
     }
 
     /// The true state, with the specific force at the centre of mass that a perfect lever-arm correction would give.
-    fn known(&self, state: &PlantState, specific_force_i: &Vector3) -> KnownState {
-        let (mounting, robot) = (self.plant.vehicle().imu(), state.robot);
-        let (_, angular_acceleration_r) = self.plant.accelerations(state, &self.body.external());
+    fn known(&self, specific_force_i: &Vector3, angular_acceleration_r: &Vector3) -> KnownState {
+        let (mounting, robot) = (self.plant.vehicle().imu(), &self.body.state().robot);
         let specific_force_r = remove_lever_arm(
             &(mounting.rotation_r * specific_force_i),
             &robot.angular_velocity_r,
-            &angular_acceleration_r,
+            angular_acceleration_r,
             &mounting.position_r,
         );
-        KnownState { robot: captured(&robot, &self.captured_r), specific_force_r }
+        KnownState { robot: captured(robot, &self.captured_r), specific_force_r }
     }
 
     /// Moves the body by one period.
     fn advance(&mut self) {
-        let speeds = match self.commanded.motors {
-            MotorCommand::Stop | MotorCommand::Kill => RotorVector::zeros(),
+        let alone;
+        let speeds = match &self.commanded.motors {
+            MotorCommand::Stop | MotorCommand::Kill => &RotorVector::zeros(),
             MotorCommand::Alone(one, speeds) => {
-                RotorVector::from_fn(|i, _| if i == one { speeds[i] } else { 0.0 })
+                alone = RotorVector::from_fn(|i, _| if i == *one { speeds[i] } else { 0.0 });
+                &alone
             }
             MotorCommand::Start(speeds) | MotorCommand::Turn(speeds) => speeds,
         };
@@ -237,7 +240,7 @@ impl World {
         let dt = PERIOD / cycles as f64;
         for k in 1..=cycles {
             let at = ((self.time + k as f64 * dt) * 1e9) as Nanos;
-            self.body.advance(&Cycle { at, dt, since_start }, &speeds);
+            self.body.advance(&Cycle { at, dt, since_start }, speeds);
             self.sensors.pass(&self.plant, self.body.state(), dt);
         }
     }

@@ -7,25 +7,26 @@ const KEPT: usize = 64;
 /// The largest age, s, if samples are 1 ms apart.
 pub const LARGEST: f64 = 0.05;
 
-/// The last speeds, newest first, each with the time from the next older speeds to it.
+/// The last speeds, each with the time from the next older speeds to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {
     samples: [(f64, RotorVector); KEPT],
+    /// The place of the newest speeds; older speeds follow, after the last place those in the first.
+    newest: usize,
     count: usize,
 }
 
 impl Default for Past {
     fn default() -> Self {
-        Self { samples: [(0.0, RotorVector::zeros()); KEPT], count: 0 }
+        Self { samples: [(0.0, RotorVector::zeros()); KEPT], newest: 0, count: 0 }
     }
 }
 
 impl Past {
     /// Adds the speeds, Hz, at a time `dt` seconds after the last ones.
     pub fn push(&mut self, speeds: &RotorVector, dt: f64) {
-        self.samples.rotate_right(1);
-        let [newest, ..] = &mut self.samples;
-        *newest = (dt, *speeds);
+        self.newest = (self.newest + KEPT - 1) % KEPT;
+        self.samples[self.newest % KEPT] = (dt, *speeds);
         self.count = (self.count + 1).min(KEPT);
     }
 
@@ -33,16 +34,18 @@ impl Past {
     /// old; `None` if there are no speeds.
     #[must_use]
     pub fn at(&self, age: f64) -> Option<RotorVector> {
-        let mut known = self.samples.iter().take(self.count);
-        let (mut gap, mut newer) = *known.next()?;
+        let (before, from) = self.samples.split_at(self.newest % KEPT);
+        let mut known = from.iter().chain(before).take(self.count);
+        let &(mut gap, ref first) = known.next()?;
+        let mut newer = first;
         let mut left = age;
         for (next_gap, older) in known {
             if left < gap {
                 return Some(newer + (older - newer) * (left / gap));
             }
             left -= gap;
-            (gap, newer) = (*next_gap, *older);
+            (gap, newer) = (*next_gap, older);
         }
-        Some(newer)
+        Some(*newer)
     }
 }

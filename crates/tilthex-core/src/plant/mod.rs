@@ -58,6 +58,24 @@ use crate::{
 pub struct Plant {
     vehicle: Vehicle,
     effects: Effects,
+    /// Whether no effect changes the wrench on the airframe.
+    bare: bool,
+}
+
+/// The length of a step, and how far the rotors come towards a command in it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TimeStep {
+    dt: f64,
+    /// The parts of the way from a speed to the commanded one after half of the step and after all of it.
+    lag: [f64; 2],
+}
+
+impl TimeStep {
+    /// Its length, s.
+    #[must_use]
+    pub fn dt(&self) -> f64 {
+        self.dt
+    }
 }
 
 /// Pose, twist, rotor speeds, and the state of the effects.
@@ -92,7 +110,7 @@ impl Plant {
     /// The plant of a vehicle: rigid body and rotor lag, without effects.
     #[must_use]
     pub fn new(vehicle: Vehicle) -> Self {
-        Self { vehicle, effects: Effects::OFF }
+        Self { vehicle, effects: Effects::OFF, bare: true }
     }
 
     /// The plant of a vehicle with effects.
@@ -101,7 +119,7 @@ impl Plant {
     /// [`Error`], which names the parameter of an effect that is out of range.
     pub fn with_effects(vehicle: Vehicle, effects: Effects) -> Result<Self, Error> {
         effects.check()?;
-        Ok(Self { vehicle, effects })
+        Ok(Self { vehicle, effects, bare: effects.are_off() })
     }
 
     /// The effects on the vehicle in addition to rotors and weight.
@@ -122,64 +140,80 @@ impl Plant {
         PlantState::new(RobotState::at_rest(position_w), self.vehicle.hover_speeds(&Matrix3::identity()))
     }
 
+    /// A step of `dt` seconds for [`Self::step_by`].
+    #[must_use]
+    pub fn time_step(&self, dt: f64) -> TimeStep {
+        let constant = self.vehicle.rotor_time_constant();
+        let part =
+            |dt: f64| if constant == 0.0 { 1.0 } else { crate::filters::lag_fraction(1.0 / constant, dt) };
+        TimeStep { dt, lag: [part(0.5 * dt), part(dt)] }
+    }
+
     /// Moves by `dt` under commanded speeds (Hz) and an external wrench (force in W, torque in R about the centre of
     /// mass), both constant over the step.
     pub fn step(&self, state: &mut PlantState, command: &RotorVector, external: &Wrench, dt: f64) {
-        let start = state.robot;
+        self.step_by(&self.time_step(dt), state, command, external);
+    }
+
+    /// [`Self::step`] for many steps of one length.
+    pub fn step_by(&self, step: &TimeStep, state: &mut PlantState, command: &RotorVector, external: &Wrench) {
+        let (start, dt) = (state.robot, step.dt);
         let inertia = self.vehicle.inertia();
         let momentum_w = start.rotation_wr * (inertia * start.angular_velocity_r);
         let command = &self.effects.reached(&state.effects, command);
-        let middle_speeds = self.lag(&state.rotor_speeds, command, 0.5 * dt);
-        let end_speeds = self.lag(&state.rotor_speeds, command, dt);
-        let rotors = |speeds: &RotorVector| Rotors {
-            speeds: *speeds,
-            accelerations: self.acceleration(&state.rotor_speeds, speeds, command, dt),
-        };
-        let (start_rotors, middle, end) =
-            (rotors(&state.rotor_speeds), rotors(&middle_speeds), rotors(&end_speeds));
-        let actuation = |rotors: &Rotors| self.vehicle.body_wrench(&rotors.speeds);
-        let (w0, w1, w2) = (actuation(&start_rotors), actuation(&middle), actuation(&end));
-        let wind_w = self.effects.wind.velocity(&state.effects.wind);
+        let [middle_speeds, end_speeds] = step.lag.map(|part| self.lag(&state.rotor_speeds, command, part));
+        let speeds = [state.rotor_speeds, middle_speeds, end_speeds];
+        let [w0, w1, w2] = speeds.each_ref().map(|speeds| self.vehicle.body_wrench(speeds));
+        let acceleration = |speeds: &RotorVector| self.acceleration(&state.rotor_speeds, speeds, command, dt);
+        let wind_w =
+            if self.bare { Vector3::zeros() } else { self.effects.wind.velocity(&state.effects.wind) };
 
-        let rates = |k: &Rates, h: f64, actuation: &Wrench, rotors: &Rotors| -> Rates {
-            let turn = h * k.turn;
-            let rotation = start.rotation_wr * so3::exp(&turn);
-            let momentum = momentum_w + h * k.momentum;
-            let omega = self.vehicle.inertia_inverse() * (rotation.transpose() * momentum);
-            let c = turn.cross(&omega);
-            let velocity_w = start.velocity_w + h * k.velocity;
+        let rates = |robot: &RobotState, actuation: &Wrench, speeds: &RotorVector| -> Rates {
             let mut actuation = *actuation;
-            if !self.effects.are_off() {
-                let position_w = start.position_w + h * k.position;
-                let robot =
-                    RobotState { position_w, velocity_w, rotation_wr: rotation, angular_velocity_r: omega };
-                actuation = actuation + self.effects.wrench(&self.vehicle, &robot, rotors, &wind_w);
+            if !self.bare {
+                let rotors = Rotors { speeds: *speeds, accelerations: acceleration(speeds) };
+                actuation = actuation + self.effects.wrench(&self.vehicle, robot, &rotors, &wind_w);
             }
             Rates {
-                position: velocity_w,
-                velocity: self.acceleration_w(&rotation, &actuation, external),
-                turn: omega + 0.5 * c + turn.cross(&c) / 12.0,
-                momentum: rotation * (actuation.torque + external.torque),
+                position: robot.velocity_w,
+                velocity: self.acceleration_w(&robot.rotation_wr, &actuation, external),
+                turn: robot.angular_velocity_r,
+                momentum: robot.rotation_wr * (actuation.torque + external.torque),
             }
         };
-        let zero = Vector3::zeros();
-        let none = Rates { position: zero, velocity: zero, turn: zero, momentum: zero };
-        let k1 = rates(&none, 0.0, &w0, &start_rotors);
-        let k2 = rates(&k1, 0.5 * dt, &w1, &middle);
-        let k3 = rates(&k2, 0.5 * dt, &w1, &middle);
-        let k4 = rates(&k3, dt, &w2, &end);
+        // The state after a time at constant rates, and the rates there.
+        let after = |k: &Rates, h: f64, actuation: &Wrench, speeds: &RotorVector| -> Rates {
+            let turn = h * k.turn;
+            let rotation_wr = start.rotation_wr * so3::exp(&turn);
+            let robot = RobotState {
+                position_w: start.position_w + h * k.position,
+                velocity_w: start.velocity_w + h * k.velocity,
+                rotation_wr,
+                angular_velocity_r: self.angular_velocity(&rotation_wr, &(momentum_w + h * k.momentum)),
+            };
+            let rates = rates(&robot, actuation, speeds);
+            let c = turn.cross(&rates.turn);
+            Rates { turn: rates.turn + 0.5 * c + turn.cross(&c) / 12.0, ..rates }
+        };
+        let angular_velocity_r = self.angular_velocity(&start.rotation_wr, &momentum_w);
+        let [start_speeds, middle_speeds, end_speeds] = &speeds;
+        let k1 = rates(&RobotState { angular_velocity_r, ..start }, &w0, start_speeds);
+        let k2 = after(&k1, 0.5 * dt, &w1, middle_speeds);
+        let k3 = after(&k2, 0.5 * dt, &w1, middle_speeds);
+        let k4 = after(&k3, dt, &w2, end_speeds);
         let sum = |f: fn(&Rates) -> Vector3| dt / 6.0 * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
 
         // The rounding errors are removed before they accumulate.
         let rotation_wr = so3::unrounded(&(start.rotation_wr * so3::exp(&sum(|k| k.turn))));
         let momentum = momentum_w + sum(|k| k.momentum);
+        let end = Rotors { speeds: *end_speeds, accelerations: acceleration(end_speeds) };
         state.robot = RobotState {
             position_w: start.position_w + sum(|k| k.position),
             velocity_w: start.velocity_w + sum(|k| k.velocity),
             rotation_wr,
-            angular_velocity_r: self.vehicle.inertia_inverse() * (rotation_wr.transpose() * momentum),
+            angular_velocity_r: self.angular_velocity(&rotation_wr, &momentum),
         };
-        state.rotor_speeds = end_speeds;
+        state.rotor_speeds = end.speeds;
         self.effects.step(&mut state.effects, &state.robot, &end, dt);
     }
 
@@ -199,6 +233,9 @@ impl Plant {
     /// The wrench of the effects on the airframe: force and torque about the centre of mass, robot coordinates.
     #[must_use]
     pub fn effects_wrench(&self, state: &PlantState) -> Wrench {
+        if self.bare {
+            return Wrench::ZERO;
+        }
         let rotors = Rotors { speeds: state.rotor_speeds, accelerations: state.effects.rotor_accelerations };
         let wind_w = self.effects.wind.velocity(&state.effects.wind);
         self.effects.wrench(&self.vehicle, &state.robot, &rotors, &wind_w)
@@ -212,6 +249,7 @@ impl Plant {
 
     /// Tool pose: tip position (m, W) and orientation (E to W).
     #[must_use]
+    #[inline]
     pub fn tool_pose(&self, state: &PlantState) -> (Vector3, Matrix3) {
         let (r, tool) = (&state.robot, self.vehicle.tool());
         (r.position_w + r.rotation_wr * tool.position_r, r.rotation_wr * tool.rotation_r)
@@ -219,7 +257,11 @@ impl Plant {
 
     /// Tool pose if a wrench (W) at the tip bends its rod.
     #[must_use]
+    #[inline]
     pub fn loaded_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
+        if self.effects.rod.is_rigid() {
+            return self.tool_pose(state);
+        }
         let (r, tool) = (&state.robot, self.vehicle.tool());
         let force_e = (r.rotation_wr * tool.rotation_r).transpose() * tool_w.force;
         let bent = self.effects.rod.bent(tool, &force_e);
@@ -229,8 +271,14 @@ impl Plant {
     /// The values of a perfect IMU at its mounting.
     #[must_use]
     pub fn imu(&self, state: &PlantState, external: &Wrench) -> ImuSample {
+        self.imu_at(state, &self.accelerations(state, external))
+    }
+
+    /// The values of a perfect IMU at known [`Self::accelerations`].
+    #[must_use]
+    pub fn imu_at(&self, state: &PlantState, accelerations: &(Vector3, Vector3)) -> ImuSample {
         let imu = self.vehicle.imu();
-        let (acceleration_w, alpha_r) = self.accelerations(state, external);
+        let (acceleration_w, alpha_r) = accelerations;
         let omega = state.robot.angular_velocity_r;
         let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
         let specific_force_r = state.robot.rotation_wr.transpose() * free_w
@@ -264,11 +312,14 @@ impl Plant {
         if constant > 0.0 { (command - speeds) / constant } else { (command - start) / dt }
     }
 
-    fn lag(&self, speeds: &RotorVector, command: &RotorVector, dt: f64) -> RotorVector {
-        let constant = self.vehicle.rotor_time_constant();
-        if constant == 0.0 {
+    fn lag(&self, speeds: &RotorVector, command: &RotorVector, part: f64) -> RotorVector {
+        if self.vehicle.rotor_time_constant() == 0.0 {
             return *command;
         }
-        speeds + (command - speeds) * crate::filters::lag_fraction(1.0 / constant, dt)
+        speeds + (command - speeds) * part
+    }
+
+    fn angular_velocity(&self, rotation_wr: &Matrix3, momentum_w: &Vector3) -> Vector3 {
+        self.vehicle.inertia_inverse() * (rotation_wr.transpose() * momentum_w)
     }
 }

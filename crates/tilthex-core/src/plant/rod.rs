@@ -19,13 +19,19 @@ pub struct Rod {
 }
 
 impl Rod {
+    /// Whether no force bends it.
+    #[must_use]
+    pub fn is_rigid(&self) -> bool {
+        self.stiffness <= 0.0
+    }
+
     /// The mounting of the tool when a force at its tip, N, tool coordinates, bends the rod.
     ///
     /// The rod has no mass and no damping: it follows the force at once. The tip rotates by `3/2` of the displacement
     /// divided by the length.
     #[must_use]
     pub fn bent(&self, tool: &Mounting, force_e: &Vector3) -> Mounting {
-        if self.stiffness <= 0.0 {
+        if self.is_rigid() {
             return *tool;
         }
         let moved = Vector3::new(force_e.x, force_e.y, 0.0) / self.stiffness;

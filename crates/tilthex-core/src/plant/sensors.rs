@@ -170,7 +170,9 @@ impl Sensors {
 
     /// Measured rotor speeds, Hz.
     pub fn rotor_speeds(&mut self, plant: &Plant, state: &PlantState) -> RotorVector {
-        let mut measured = self.past.at(self.params.rotor_speed_age).unwrap_or(state.rotor_speeds);
+        let age = self.params.rotor_speed_age;
+        let past = if age == 0.0 { None } else { self.past.at(age) };
+        let mut measured = past.unwrap_or(state.rotor_speeds);
         for i in 0..plant.vehicle().rotor_count() {
             measured[i] += self.params.rotor_speed * self.random.normal();
         }

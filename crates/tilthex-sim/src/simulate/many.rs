@@ -34,31 +34,58 @@ pub struct Summary {
     pub saturated: f64,
     /// The phase at the end.
     pub phase: Phase,
-    ticks: u32,
 }
 
-impl Summary {
+/// What the ticks of a flight have added up to.
+struct Sums {
+    ticks: u32,
+    saturated: u32,
+    /// Sum of the squares of the position error.
+    position_error: f64,
+    /// Largest squares of the position error, the rotation error, the tool's distance from its set-point, and the force on it.
+    largest: [f64; 4],
+    /// Cosine of the largest tilt.
+    upright: f64,
+    phase: Phase,
+}
+
+impl Sums {
+    fn new() -> Self {
+        let phase = Phase::default();
+        Self { ticks: 0, saturated: 0, position_error: 0.0, largest: [0.0; 4], upright: 1.0, phase }
+    }
+
     fn add(&mut self, world: &World) {
         let (state, flown) = (world.body.state(), &world.commanded.record);
         let force_w = world.body.tool_wrench_w();
         let (tool_w, _) = world.plant.loaded_tool_pose(state, &force_w);
         let error = flown.position_error_w.norm();
-        self.position_error = (self.position_error.0 + error * error, self.position_error.1.max(error));
-        self.rotation_error = self.rotation_error.max(flown.rotation_error_r.norm());
-        self.tool_deviation = self.tool_deviation.max((tool_w - flown.setpoint.position_w).norm());
-        self.tool_force = self.tool_force.max(force_w.force.norm());
-        self.tilt = self.tilt.max(state.robot.rotation_wr[(2, 2)].clamp(-1.0, 1.0).acos());
-        self.saturated += f64::from(u8::from(flown.saturated));
+        let squares = [
+            flown.position_error_w.norm_squared(),
+            flown.rotation_error_r.norm_squared(),
+            (tool_w - flown.setpoint.position_w).norm_squared(),
+            force_w.force.norm_squared(),
+        ];
+        self.largest.iter_mut().zip(squares).for_each(|(largest, square)| *largest = largest.max(square));
+        self.position_error += error * error;
+        self.upright = self.upright.min(state.robot.rotation_wr[(2, 2)]);
+        self.saturated += u32::from(flown.saturated);
         self.phase = flown.phase;
         self.ticks += 1;
     }
 
-    /// Turns the sums into means.
-    fn ended(mut self) -> Self {
+    fn summary(&self) -> Summary {
         let ticks = f64::from(self.ticks.max(1));
-        self.position_error.0 = (self.position_error.0 / ticks).sqrt();
-        self.saturated /= ticks;
-        self
+        let [position_error, rotation_error, tool_deviation, tool_force] = self.largest.map(f64::sqrt);
+        Summary {
+            position_error: ((self.position_error / ticks).sqrt(), position_error),
+            rotation_error,
+            tool_deviation,
+            tool_force,
+            tilt: self.upright.max(-1.0).acos(),
+            saturated: f64::from(self.saturated) / ticks,
+            phase: self.phase,
+        }
     }
 }
 
@@ -92,9 +119,9 @@ pub fn run_many(
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
                 while let Some((number, scenario)) = take(next, scenarios) {
-                    let mut summary = Summary::default();
-                    let flown = fly(scenario, |name| wanted.iter().any(|w| w == name), |w| summary.add(w));
-                    let outcome = flown.map(|record| Outcome { summary: summary.ended(), record });
+                    let mut sums = Sums::new();
+                    let flown = fly(scenario, |name| wanted.iter().any(|w| w == name), |w| sums.add(w));
+                    let outcome = flown.map(|record| Outcome { summary: sums.summary(), record });
                     if sender.send((number, outcome)).is_err() {
                         break;
                     }
