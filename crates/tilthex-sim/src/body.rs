@@ -61,6 +61,8 @@ pub trait Body {
 pub struct Own {
     plant: Plant,
     state: PlantState,
+    /// The nominal wrench of its rotors.
+    rotors: Wrench,
     /// The last step.
     time_step: TimeStep,
     /// Flat ground at z = 0; `None` for a body that flies high above it.
@@ -107,6 +109,7 @@ impl Own {
         Self {
             plant,
             state,
+            rotors: plant.vehicle().body_wrench(&state.rotor_speeds),
             time_step: plant.time_step(0.0),
             ground,
             pushes,
@@ -163,16 +166,19 @@ impl Own {
     /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) under the wrenches that act.
     #[must_use]
     pub fn accelerations(&self) -> (Vector3, Vector3) {
-        self.plant.accelerations(&self.state, &self.external)
+        self.plant.accelerations_by(&self.state, &self.rotors, &self.external)
     }
 
     fn sum_up(&mut self) {
-        let untouched = self.tool_wrench_w == Wrench::ZERO;
-        let push =
-            if untouched { Wrench::ZERO } else { self.plant.from_tool(&self.state, &self.tool_wrench_w) };
-        let ground = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
-        let lost = if self.sound { Wrench::ZERO } else { self.lost_thrust() };
-        self.external = ground + push + self.pressed - lost;
+        let mut sum = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
+        if self.tool_wrench_w != Wrench::ZERO {
+            sum = sum + self.plant.from_tool(&self.state, &self.tool_wrench_w);
+        }
+        sum = sum + self.pressed;
+        if !self.sound {
+            sum = sum - self.lost_thrust();
+        }
+        self.external = sum;
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
@@ -187,7 +193,7 @@ impl Own {
             limited = commands.component_mul(&self.health);
             &limited
         };
-        self.plant.step_by(&self.time_step, &mut self.state, commands, &self.external);
+        self.plant.step_by(&self.time_step, &mut self.state, &mut self.rotors, commands, &self.external);
     }
 
     /// The part of the nominal wrench that damaged and reversed rotors do not exert: force W, torque R.
@@ -223,7 +229,7 @@ impl Body for Own {
     }
 
     fn imu(&self) -> ImuSample {
-        self.plant.imu(&self.state, &self.external)
+        self.plant.imu_at(&self.state, &self.accelerations())
     }
 
     fn tool_wrench_w(&self) -> Wrench {

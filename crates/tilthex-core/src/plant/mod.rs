@@ -4,8 +4,9 @@
 //! [`Effects`] holds the effects that the model of the controller leaves out. Each has a module, and each is off by
 //! default.
 //!
-//! The integrator is a fourth-order Runge-Kutta-Munthe-Kaas method on (position, velocity, rotation, angular momentum
-//! in W). The rotation stays a rotation, and without torque the angular momentum is constant to rounding.
+//! The integrator is a fourth-order Runge-Kutta-Munthe-Kaas method on (position, velocity, rotation, angular momentum in
+//! axes that do not turn during a step: those of the body at its start). The rotation stays a rotation, and without torque
+//! the angular momentum in W is constant to rounding.
 
 mod age;
 mod battery;
@@ -67,7 +68,8 @@ pub struct Plant {
 pub struct TimeStep {
     dt: f64,
     /// The parts of the way from a speed to the commanded one after half of the step and after all of it.
-    lag: [f64; 2],
+    half_lag: f64,
+    lag: f64,
 }
 
 impl TimeStep {
@@ -97,13 +99,17 @@ impl PlantState {
     }
 }
 
-/// Rates of change of (position, velocity, rotation since the start of the step, momentum).
+/// What changes the state at one time of a step, in the axes that the body has at the start of the step.
 #[derive(Clone, Copy)]
 struct Rates {
-    position: Vector3,
-    velocity: Vector3,
+    /// Velocity, m/s, world.
+    velocity_w: Vector3,
+    /// Force of the rotors and the effects, N.
+    force: Vector3,
+    /// Rate of the rotation vector since the start, rad/s.
     turn: Vector3,
-    momentum: Vector3,
+    /// Torque, N m.
+    torque: Vector3,
 }
 
 impl Plant {
@@ -146,72 +152,95 @@ impl Plant {
         let constant = self.vehicle.rotor_time_constant();
         let part =
             |dt: f64| if constant == 0.0 { 1.0 } else { crate::filters::lag_fraction(1.0 / constant, dt) };
-        TimeStep { dt, lag: [part(0.5 * dt), part(dt)] }
+        TimeStep { dt, half_lag: part(0.5 * dt), lag: part(dt) }
     }
 
     /// Moves by `dt` under commanded speeds (Hz) and an external wrench (force in W, torque in R about the centre of
     /// mass), both constant over the step.
     pub fn step(&self, state: &mut PlantState, command: &RotorVector, external: &Wrench, dt: f64) {
-        self.step_by(&self.time_step(dt), state, command, external);
+        let mut rotors = self.vehicle.body_wrench(&state.rotor_speeds);
+        self.step_by(&self.time_step(dt), state, &mut rotors, command, external);
     }
 
-    /// [`Self::step`] for many steps of one length.
-    pub fn step_by(&self, step: &TimeStep, state: &mut PlantState, command: &RotorVector, external: &Wrench) {
-        let (start, dt) = (state.robot, step.dt);
-        let inertia = self.vehicle.inertia();
-        let momentum_w = start.rotation_wr * (inertia * start.angular_velocity_r);
+    /// [`Self::step`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the speeds of
+    /// the state, before and after the step.
+    pub fn step_by(
+        &self,
+        step: &TimeStep,
+        state: &mut PlantState,
+        rotors: &mut Wrench,
+        command: &RotorVector,
+        external: &Wrench,
+    ) {
+        let (start, dt) = (&state.robot, step.dt);
+        let (inertia, inverse) = (self.vehicle.inertia(), self.vehicle.inertia_inverse());
+        let momentum = inertia * start.angular_velocity_r;
         let command = &self.effects.reached(&state.effects, command);
-        let [middle_speeds, end_speeds] = step.lag.map(|part| self.lag(&state.rotor_speeds, command, part));
-        let speeds = [state.rotor_speeds, middle_speeds, end_speeds];
-        let [w0, w1, w2] = speeds.each_ref().map(|speeds| self.vehicle.body_wrench(speeds));
+        let middle_speeds = self.lag(&state.rotor_speeds, command, step.half_lag);
+        let end_speeds = self.lag(&state.rotor_speeds, command, step.lag);
         let acceleration = |speeds: &RotorVector| self.acceleration(&state.rotor_speeds, speeds, command, dt);
         let wind_w =
             if self.bare { Vector3::zeros() } else { self.effects.wind.velocity(&state.effects.wind) };
+        let middle_wrench = self.vehicle.body_wrench(&middle_speeds);
 
-        let rates = |robot: &RobotState, actuation: &Wrench, speeds: &RotorVector| -> Rates {
-            let mut actuation = *actuation;
-            if !self.bare {
-                let rotors = Rotors { speeds: *speeds, accelerations: acceleration(speeds) };
-                actuation = actuation + self.effects.wrench(&self.vehicle, robot, &rotors, &wind_w);
-            }
-            Rates {
-                position: robot.velocity_w,
-                velocity: self.acceleration_w(&robot.rotation_wr, &actuation, external),
-                turn: robot.angular_velocity_r,
-                momentum: robot.rotation_wr * (actuation.torque + external.torque),
-            }
+        // A wrench of the rotors, with that of the effects.
+        let with_effects = |nominal: Wrench, robot: &RobotState, speeds: &RotorVector| {
+            let motion = Rotors { speeds: *speeds, accelerations: acceleration(speeds) };
+            nominal + self.effects.wrench(&self.vehicle, robot, &motion, &wind_w)
         };
-        // The state after a time at constant rates, and the rates there.
-        let after = |k: &Rates, h: f64, actuation: &Wrench, speeds: &RotorVector| -> Rates {
+        // The rates after a time at constant rates.
+        let after = |k: &Rates, h: f64, nominal: &Wrench, speeds: &RotorVector| -> Rates {
             let turn = h * k.turn;
-            let rotation_wr = start.rotation_wr * so3::exp(&turn);
-            let robot = RobotState {
-                position_w: start.position_w + h * k.position,
-                velocity_w: start.velocity_w + h * k.velocity,
-                rotation_wr,
-                angular_velocity_r: self.angular_velocity(&rotation_wr, &(momentum_w + h * k.momentum)),
-            };
-            let rates = rates(&robot, actuation, speeds);
-            let c = turn.cross(&rates.turn);
-            Rates { turn: rates.turn + 0.5 * c + turn.cross(&c) / 12.0, ..rates }
+            let rotation = so3::exp(&turn);
+            let omega = inverse * (rotation.transpose() * (momentum + h * k.torque));
+            let (mut wrench, mut velocity_w) = (*nominal, start.velocity_w);
+            if !self.bare {
+                velocity_w += h * self.acceleration_w(&start.rotation_wr, &k.force, external);
+                let robot = RobotState {
+                    position_w: start.position_w + h * k.velocity_w,
+                    velocity_w,
+                    rotation_wr: start.rotation_wr * rotation,
+                    angular_velocity_r: omega,
+                };
+                wrench = with_effects(wrench, &robot, speeds);
+            }
+            let c = turn.cross(&omega);
+            Rates {
+                velocity_w,
+                force: rotation * wrench.force,
+                turn: omega + 0.5 * c + turn.cross(&c) * (1.0 / 12.0),
+                torque: rotation * (wrench.torque + external.torque),
+            }
         };
-        let angular_velocity_r = self.angular_velocity(&start.rotation_wr, &momentum_w);
-        let [start_speeds, middle_speeds, end_speeds] = &speeds;
-        let k1 = rates(&RobotState { angular_velocity_r, ..start }, &w0, start_speeds);
-        let k2 = after(&k1, 0.5 * dt, &w1, middle_speeds);
-        let k3 = after(&k2, 0.5 * dt, &w1, middle_speeds);
-        let k4 = after(&k3, dt, &w2, end_speeds);
-        let sum = |f: fn(&Rates) -> Vector3| dt / 6.0 * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
+        let mut wrench = *rotors;
+        if !self.bare {
+            wrench = with_effects(wrench, start, &state.rotor_speeds);
+        }
+        let k1 = Rates {
+            velocity_w: start.velocity_w,
+            force: wrench.force,
+            turn: start.angular_velocity_r,
+            torque: wrench.torque + external.torque,
+        };
+        let k2 = after(&k1, 0.5 * dt, &middle_wrench, &middle_speeds);
+        let k3 = after(&k2, 0.5 * dt, &middle_wrench, &middle_speeds);
+        *rotors = self.vehicle.body_wrench(&end_speeds);
+        let k4 = after(&k3, dt, rotors, &end_speeds);
+        let mean = |f: fn(&Rates) -> Vector3| (1.0 / 6.0) * (f(&k1) + 2.0 * (f(&k2) + f(&k3)) + f(&k4));
 
-        // The rounding errors are removed before they accumulate.
-        let rotation_wr = so3::unrounded(&(start.rotation_wr * so3::exp(&sum(|k| k.turn))));
-        let momentum = momentum_w + sum(|k| k.momentum);
-        let end = Rotors { speeds: *end_speeds, accelerations: acceleration(end_speeds) };
+        let turned = so3::exp(&(dt * mean(|k| k.turn)));
+        let momentum = momentum + dt * mean(|k| k.torque);
+        // The velocities of the stages are those of their accelerations.
+        let early = (1.0 / 3.0) * (k1.force + k2.force + k3.force);
+        let early_w = self.acceleration_w(&start.rotation_wr, &early, external);
+        let mean_w = self.acceleration_w(&start.rotation_wr, &mean(|k| k.force), external);
+        let end = Rotors { speeds: end_speeds, accelerations: acceleration(&end_speeds) };
         state.robot = RobotState {
-            position_w: start.position_w + sum(|k| k.position),
-            velocity_w: start.velocity_w + sum(|k| k.velocity),
-            rotation_wr,
-            angular_velocity_r: self.angular_velocity(&rotation_wr, &momentum),
+            position_w: start.position_w + dt * (start.velocity_w + 0.5 * dt * early_w),
+            velocity_w: start.velocity_w + dt * mean_w,
+            // The rounding errors are removed before they accumulate.
+            rotation_wr: so3::unrounded(&(start.rotation_wr * turned)),
+            angular_velocity_r: inverse * (turned.transpose() * momentum),
         };
         state.rotor_speeds = end.speeds;
         self.effects.step(&mut state.effects, &state.robot, &end, dt);
@@ -220,12 +249,23 @@ impl Plant {
     /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) of the centre of mass.
     #[must_use]
     pub fn accelerations(&self, state: &PlantState, external: &Wrench) -> (Vector3, Vector3) {
-        let actuation = self.vehicle.body_wrench(&state.rotor_speeds) + self.effects_wrench(state);
+        self.accelerations_by(state, &self.vehicle.body_wrench(&state.rotor_speeds), external)
+    }
+
+    /// [`Self::accelerations`] at a known nominal wrench of the rotors.
+    #[must_use]
+    pub fn accelerations_by(
+        &self,
+        state: &PlantState,
+        rotors: &Wrench,
+        external: &Wrench,
+    ) -> (Vector3, Vector3) {
+        let actuation = if self.bare { *rotors } else { *rotors + self.effects_wrench(state) };
         let omega = state.robot.angular_velocity_r;
         let inertia = self.vehicle.inertia();
         let torque = actuation.torque + external.torque - omega.cross(&(inertia * omega));
         (
-            self.acceleration_w(&state.robot.rotation_wr, &actuation, external),
+            self.acceleration_w(&state.robot.rotation_wr, &actuation.force, external),
             self.vehicle.inertia_inverse() * torque,
         )
     }
@@ -259,9 +299,10 @@ impl Plant {
     #[must_use]
     #[inline]
     pub fn loaded_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
-        if self.effects.rod.is_rigid() {
-            return self.tool_pose(state);
-        }
+        if self.effects.rod.is_rigid() { self.tool_pose(state) } else { self.bent_tool_pose(state, tool_w) }
+    }
+
+    fn bent_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
         let (r, tool) = (&state.robot, self.vehicle.tool());
         let force_e = (r.rotation_wr * tool.rotation_r).transpose() * tool_w.force;
         let bent = self.effects.rod.bent(tool, &force_e);
@@ -295,9 +336,9 @@ impl Plant {
         0.5 * (self.vehicle.mass() * v.norm_squared() + w.dot(&(self.vehicle.inertia() * w)))
     }
 
-    fn acceleration_w(&self, rotation_wr: &Matrix3, actuation: &Wrench, external: &Wrench) -> Vector3 {
-        (rotation_wr * actuation.force + external.force) / self.vehicle.mass()
-            - Vector3::new(0.0, 0.0, GRAVITY)
+    /// Linear acceleration, m/s^2, W, by a force in axes of an orientation.
+    fn acceleration_w(&self, rotation_w: &Matrix3, force: &Vector3, external: &Wrench) -> Vector3 {
+        (rotation_w * force + external.force) / self.vehicle.mass() - Vector3::new(0.0, 0.0, GRAVITY)
     }
 
     /// Acceleration of the rotors, Hz/s, at speeds that follow a command; without lag, the mean over the step.
@@ -317,9 +358,5 @@ impl Plant {
             return *command;
         }
         speeds + (command - speeds) * part
-    }
-
-    fn angular_velocity(&self, rotation_wr: &Matrix3, momentum_w: &Vector3) -> Vector3 {
-        self.vehicle.inertia_inverse() * (rotation_wr.transpose() * momentum_w)
     }
 }
