@@ -258,11 +258,25 @@ fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {
 fn poses_that_were_found_late_land_the_vehicle() {
     let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
     let exact = TruthSection::named("exact").expect("a level");
-    for seed in [1300011, 1300020, 1300030] {
+    for seed in [1300011, 1300020, 1300030, 2136949] {
         let again = campaign::again(&config, &exact, &[Kind::CaptureLatency], seed);
         let (outcome, _) = again.expect("it flies");
         assert!(outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
         assert!(outcome.failure.is_none() && outcome.reaction <= Reaction::Land, "{outcome:?}");
+    }
+}
+
+/// Late poses show a rising vehicle lower than it is: its motors are stopped only where it really is low.
+#[test]
+fn late_poses_stop_no_motors_high_above_the_ground() {
+    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let params = config.linked_params(true).expect("valid");
+    for strength in [0.62, 0.66, 0.699_493_072_806_754_3, 0.74, 0.78, 0.82] {
+        let simulation = Simulation::new(SimulationParams::new(params.flight.vehicle));
+        let world = World::new(simulation, LinkedFlight::new(params, None).expect("valid"), 2_136_949);
+        let late = fault(Kind::CaptureLatency, 0.0, 1e6, strength, 4);
+        let outcome = campaign::fly(world, vec![late], 2_136_949);
+        assert!(outcome.failure.is_none() && outcome.ended, "{outcome:?}");
     }
 }
 

@@ -135,7 +135,9 @@ impl Flight {
         let robot = self.robot_state();
         let output = self.output.as_ref()?;
         let felt_height = contradiction.map_or(0.0, |c| (c.reckoned.position_w - c.from_w).z);
-        let height = self.bounds.height(&robot.position_w).unwrap_or(0.0).max(felt_height);
+        // Late poses show a rising vehicle lower than it is.
+        let risen = told.late.unwrap_or(0.0) * robot.velocity_w.z.max(0.0);
+        let height = (self.bounds.height(&robot.position_w).unwrap_or(0.0) + risen).max(felt_height);
         if height > LIFT_OFF {
             self.lift_off.since = None;
             return None;
