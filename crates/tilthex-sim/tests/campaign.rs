@@ -224,6 +224,37 @@ fn poses_show_a_push_that_no_imu_shows() {
     none_fails(&[(2123785, &[soon, tool]), (2113047, &[late, arm])]);
 }
 
+/// True poses that a state refuses because something led it astray are found to be those of the vehicle: a wrong bias of the
+/// accelerometer, wrong poses that were believed or that hid a turn, a second change of the gyro's bias.
+#[test]
+fn refused_poses_that_move_as_the_vehicle_does_are_used_again() {
+    let pair = |(k, after)| {
+        let step = fault(Kind::AccelerometerBias, 1.0, 2.0, 0.9, k);
+        [step, fault(Kind::CaptureJumps, 1.0 + after, 0.22, 0.5, 5 * k + 1)]
+    };
+    all_stand(19, each(0..6, &[0.1, 0.3]).map(pair));
+    let step = fault(Kind::AccelerometerBias, 1.1844170089568942, 2.079480282765382, 0.9481104305458261, 9);
+    let brief = fault(Kind::CaptureJumps, 1.2812090430785021, 0.21958508710995736, 0.44387823820072314, 13);
+    let late = fault(Kind::AccelerometerBias, 0.8852201989442083, 1.6995933416665512, 0.9853608051209416, 5);
+    let early = fault(Kind::CaptureJumps, 0.05913823179027544, 1.9387050823350147, 0.7327285859220268, 15);
+    let believed = fault(Kind::CaptureJumps, 1.1142916100316325, 0.02293640554186039, 0.14502412824690092, 1);
+    let flips = fault(Kind::BitFlips, 0.7212364245892933, 0.4123598565333136, 0.4212322164048009, 13);
+    let hides = fault(Kind::CaptureFrozen, 1.6103520989851952, 0.475319661303734, 0.47047596619724064, 29);
+    let slow = fault(Kind::RotorSlow, 1.3635716052306242, 0.24818300967010654, 0.494198092216945, 15);
+    let unfelt = fault(Kind::ImuFrozen, 0.3040230336507016, 1.8963186317813363, 0.21918819196271366, 27);
+    let long = fault(Kind::CaptureJumps, 1.117453646845732, 2.3169413479649004, 0.5567927457450397, 34);
+    let first = fault(Kind::GyroBias, 0.18436443200224262, 0.8677472091059999, 0.21464425263724718, 8);
+    let again = fault(Kind::GyroBias, 2.5875175312958656, 1.4462949208802351, 0.6894524069927984, 7);
+    none_fails(&[
+        (2044182, &[step, brief]),
+        (1985161, &[late, early]),
+        (2134547, &[believed, flips]),
+        (2134931, &[hides, slow]),
+        (2040806, &[long, unfelt]),
+        (3080935, &[first, again]),
+    ]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

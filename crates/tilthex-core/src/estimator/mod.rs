@@ -280,6 +280,23 @@ impl Estimator {
         self.go_on(Navigation { position_w, rotation_wi, ..before }, &deviation);
     }
 
+    /// Continues from the motion that poses of this vehicle show, which the state has refused; `unfelt` says whether the
+    /// accelerometer does not show it.
+    pub(crate) fn go_on_with(&mut self, mean: Navigation, unfelt: bool) {
+        let known = self.head.state.axis_deviations();
+        let kept = (self.head.kept_bias, self.current_kept_bias);
+        let least = trust::REACQUIRED;
+        let gyro_bias = if kept.0.is_some() { trust::MODELLED_RATE } else { least.gyro_bias };
+        let accelerometer_bias = if unfelt { 1.0 } else { least.accelerometer_bias };
+        let deviation = InitialDeviation {
+            gyro_bias: known.gyro_bias.max(gyro_bias),
+            accelerometer_bias: known.accelerometer_bias.max(accelerometer_bias),
+            ..least
+        };
+        self.go_on(mean, &deviation);
+        (self.head.kept_bias, self.current_kept_bias) = kept;
+    }
+
     /// Continues from a state that was computed without poses.
     pub(crate) fn go_on_from(&mut self, mean: Navigation) {
         self.go_on(mean, &InitialDeviation { position: 0.1, velocity: 0.15, ..self.params.initial });

@@ -23,7 +23,7 @@ const ALIKE: f64 = 0.9;
 /// Weight of an accepted pose in the estimate of the noise.
 const NOISE_SHARE: f64 = 0.05;
 /// Smallest deviations after the state was replaced by that of poses.
-const REACQUIRED: InitialDeviation = InitialDeviation {
+pub(super) const REACQUIRED: InitialDeviation = InitialDeviation {
     position: 0.02,
     velocity: 0.3,
     rotation: 0.05,
@@ -32,7 +32,7 @@ const REACQUIRED: InitialDeviation = InitialDeviation {
 };
 
 /// Smallest deviation of a modelled rate after the state was replaced by that of poses, rad/s.
-const MODELLED_RATE: f64 = 0.3;
+pub(super) const MODELLED_RATE: f64 = 0.3;
 
 /// A surprising pose: its time, and its difference from the state (position m, rotation rad; W). Single precision,
 /// because every checkpoint has copies.

@@ -145,8 +145,14 @@ impl CaptureWatch {
         self.lies
     }
 
+    /// The poses were found to be those of this vehicle: they are used again, and biases of the IMU are learnt anew.
+    pub(super) fn recognized(&mut self) {
+        (self.lies, self.stepped, self.excused) = (false, true, 0);
+        self.struck();
+    }
+
     /// Whether a pose may be true: it is not an exact repetition while the IMU's readings change, and not a tracker's
-    /// default.
+    /// default. Poses that contradict the IMU may still be those of the vehicle.
     pub(super) fn admits(&mut self, pose: &PoseSample) -> bool {
         let this = (pose.position_w, pose.rotation_wr);
         // The rotation of a lost body may be exactly constant although its position has noise, or the other way
@@ -161,7 +167,7 @@ impl CaptureWatch {
         self.last = Some(this);
         self.frozen = self.moves && self.repeats >= POSES_REFUSED && pose.time - self.since > POSE_FROZEN;
         let default = this == (Vector3::zeros(), Matrix3::identity());
-        !(self.frozen || default || self.lies)
+        !(self.frozen || default)
     }
 
     /// A model replaces the IMU of a vehicle in flight, which is never exactly at rest.

@@ -77,6 +77,11 @@ impl LiftOff {
         }
     }
 
+    /// Whether the vehicle has just taken off, and errors of wiring, axes and latency may still show.
+    pub(super) fn begins(&self) -> bool {
+        self.since.is_some()
+    }
+
     /// Takes a pose of the IMU, as the capture system shows it.
     pub(super) fn see(&mut self, pose: &PoseSample) {
         if let Some(witness) = &mut self.witness {

@@ -23,6 +23,7 @@ mod lift_off;
 mod model;
 mod motor_check;
 mod orders;
+mod own_poses;
 mod record;
 mod rest;
 mod room;
@@ -65,6 +66,7 @@ use late::Pending;
 use lift_off::LiftOff;
 use model::ModelState;
 use motor_check::MotorCheck;
+use own_poses::OwnPoses;
 use rotors::RotorModel;
 use stopped::StoppedWatch;
 use thrust::ThrustWatch;
@@ -158,6 +160,7 @@ pub struct Flight {
     bounds: Bounds,
     capture: CaptureWatch,
     capture_clock: CaptureClock,
+    own_poses: OwnPoses,
     lift_off: LiftOff,
     thrust: ThrustWatch,
     stopped: StoppedWatch,
@@ -214,6 +217,7 @@ impl Flight {
             bounds: Bounds::default(),
             capture: CaptureWatch::default(),
             capture_clock: CaptureClock::default(),
+            own_poses: OwnPoses::default(),
             lift_off: LiftOff::default(),
             thrust: ThrustWatch::new(&vehicle),
             stopped: StoppedWatch::default(),

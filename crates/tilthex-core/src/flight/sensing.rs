@@ -47,6 +47,7 @@ impl Flight {
             let (gyro_i, force_i) = self.estimator.corrected(quality, &s.gyro_i, &s.specific_force_i);
             self.lift_off.feel(&self.estimator.navigation(), &force_i, s.time, dt);
             self.capture.feel(&gyro_i, &force_i, self.estimator.missed_velocity(dt), dt);
+            self.feel_own(&force_i, rotor_speeds, s.time, dt);
             last = s.time;
         }
         if inertial.refused_now || inertial.saturated {
@@ -68,7 +69,9 @@ impl Flight {
             let broken = self.supervisor.active().contains(Fault::ImuSaturated);
             let shaken = inertial.saturated && !broken;
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
+            let dt = (input.time - last).max(0.0);
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
+            self.feel_own(&specific_force_i, rotor_speeds, input.time, dt);
             self.capture.flies_unfelt();
         }
         // When the source changes, rates jump without a motion.
@@ -88,14 +91,21 @@ impl Flight {
                 continue;
             }
             if self.estimator.is_initialized() {
-                self.lift_off.see(&self.estimator.pose_of_imu(pose));
-                self.estimator.update_pose(&self.lift_off.corrected(pose));
+                if !self.capture.lies() {
+                    self.lift_off.see(&self.estimator.pose_of_imu(pose));
+                }
+                let pose = self.lift_off.corrected(pose);
+                self.see_own(&pose);
+                if !self.capture.lies() {
+                    self.estimator.update_pose(&self.own_poses.placed(&pose));
+                }
             } else if pose.tracking_valid && pose.is_finite() {
                 // Until the start succeeds, the operator gets this reason.
                 self.start_refused =
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
         }
+        self.believe_own();
         if let Some(expected_i) = expected_i {
             // Late poses correct the model in later ticks, too.
             let vehicle = &self.params.vehicle;
