@@ -255,6 +255,21 @@ fn refused_poses_that_move_as_the_vehicle_does_are_used_again() {
     ]);
 }
 
+/// Poses that become still noisier, or are displaced, while the estimator already knows that they are noisy.
+#[test]
+fn noisy_poses_that_become_noisier_disturb_little() {
+    let pair = |(k, strength)| {
+        let first = fault(Kind::CaptureNoise, 0.5, 1.5, strength, k);
+        [first, fault(Kind::CaptureNoise, 2.0, 1.2, strength + 0.45, k + 7)]
+    };
+    all_stand(23, each(0..4, &[0.3, 0.4]).map(pair));
+    let noisy = fault(Kind::CaptureNoise, 1.1443702294489206, 1.2443433483687993, 0.39672562338191486, 7);
+    let noisier = fault(Kind::CaptureNoise, 2.392463709915414, 1.5120889201921701, 0.8685676776607527, 6);
+    let long = fault(Kind::CaptureNoise, 0.7193076452925964, 2.857801816972074, 0.8497872943495788, 25);
+    let jump = fault(Kind::CaptureJumps, 2.5604527722825954, 1.8262007732557175, 0.3228165894847592, 28);
+    none_fails(&[(3060406, &[noisy, noisier]), (2002270, &[long, jump])]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

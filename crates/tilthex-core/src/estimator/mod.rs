@@ -207,7 +207,7 @@ impl Estimator {
     ) -> Result<(), Error> {
         let mean = self.start_mean(time, position_w, rotation_wc)?;
         let initial = self.params.initial;
-        self.start(time, mean, &initial);
+        self.start(time, mean, &initial, Trust::since(time));
         Ok(())
     }
 
@@ -236,7 +236,7 @@ impl Estimator {
             accelerometer_bias: tilt + averaged(self.params.rest.accelerometer_deviation),
             ..self.params.initial
         };
-        self.start(time, mean, &deviation);
+        self.start(time, mean, &deviation, Trust::since(time));
         Ok(())
     }
 
@@ -304,7 +304,8 @@ impl Estimator {
 
     fn go_on(&mut self, mean: Navigation, deviation: &InitialDeviation) {
         let newest = (self.newest_pose, self.newest_position);
-        self.start(self.now(), mean, deviation);
+        let now = self.now();
+        self.start(now, mean, deviation, self.head.trust.kept_since(now));
         (self.newest_pose, self.newest_position) = newest;
     }
 
@@ -325,13 +326,13 @@ impl Estimator {
         Ok(Navigation { position_w: pose.position_w, rotation_wi: pose.rotation_wi, ..Navigation::ORIGIN })
     }
 
-    fn start(&mut self, time: f64, mean: Navigation, deviation: &InitialDeviation) {
+    fn start(&mut self, time: f64, mean: Navigation, deviation: &InitialDeviation, trust: Trust) {
         self.head = Head {
             state: UkfState::new(mean, deviation),
             time,
             next_sample: self.samples.first_after(time),
             applied: time,
-            trust: Trust::since(time),
+            trust,
             kept_bias: KeptBias::NONE,
         };
         self.initialized = true;
