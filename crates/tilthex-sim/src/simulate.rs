@@ -71,28 +71,45 @@ pub struct Scenario<'a> {
 /// # Errors
 /// If the flight refuses the scenario.
 pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
-    fly(scenario, |_| true, |_| ())
+    fly(scenario, &mut Prepared::default(), |_| true, |_| ())
 }
 
 /// Simulates a scenario, records the `wanted` quantities, and shows each tick.
-fn fly(
-    scenario: &Scenario<'_>,
+fn fly<'c>(
+    scenario: &Scenario<'c>,
+    prepared: &mut Prepared<'c>,
     wanted: impl Fn(&str) -> bool,
     mut tick: impl FnMut(&World),
 ) -> Result<Record, ConfigError> {
-    let mut world = World::new(scenario)?;
+    let mut world = World::new(scenario, prepared)?;
     let rows = (scenario.duration / PERIOD).round() as usize;
     let mut record = Record::new(rows, wanted);
     for row in 0..rows {
         world.tick(row as f64 * PERIOD, row % POSE_EVERY == 0);
-        if record.is_wanted() {
-            world.keep(&mut record);
-        }
+        record.take(&world);
         record.watch(world.time, world.flight.supervisor().active());
         tick(&world);
         world.advance();
     }
     Ok(record)
+}
+
+/// A flight that has not begun, for all scenarios with the same configuration and route: it takes as long as a second of flight
+/// to make one.
+#[derive(Default)]
+struct Prepared<'c>(Option<(&'c Config, Option<Route>, Flight)>);
+
+impl<'c> Prepared<'c> {
+    fn flight(&mut self, config: &'c Config, route: Option<Route>) -> Result<Flight, ConfigError> {
+        match &self.0 {
+            Some((known, along, flight)) if *known == config && *along == route => Ok(flight.clone()),
+            _ => {
+                let flight = Flight::new(config.flight_params(true)?, route)?;
+                self.0 = Some((config, route, flight.clone()));
+                Ok(flight)
+            }
+        }
+    }
 }
 
 /// The simulated vehicle and the flight that controls it.
@@ -116,15 +133,18 @@ struct World {
 }
 
 impl World {
-    fn new(scenario: &Scenario<'_>) -> Result<Self, ConfigError> {
-        let params = scenario.config.flight_params(true)?;
+    fn new<'c>(scenario: &Scenario<'c>, prepared: &mut Prepared<'c>) -> Result<Self, ConfigError> {
+        let route = match &scenario.start {
+            Start::Air(_) => None,
+            Start::Ground(route) => *route,
+        };
+        let mut flight = prepared.flight(scenario.config, route)?;
         let drawn = scenario.truth.draw(scenario.config.vehicle(), scenario.seed)?;
         let (plant, pushes) = (drawn.plant()?, scenario.pushes.clone());
         let sensor_params = drawn.sensors(&scenario.sensors);
-        let (body, flight, motors, started) = match &scenario.start {
+        let (body, motors, started) = match &scenario.start {
             Start::Air(trajectory) => {
                 let state = at_rest_on(&plant, &trajectory.sample(0.0));
-                let mut flight = Flight::new(params, None)?;
                 flight.begin_in_air(&AirborneStart {
                     time: -PERIOD,
                     position_w: captured(&state.robot, &sensor_params.captured_r).position_w,
@@ -132,12 +152,9 @@ impl World {
                     trajectory: Some(*trajectory),
                 })?;
                 let turning = MotorCommand::Turn(state.rotor_speeds);
-                (Own::airborne(plant, pushes, state, scenario.seed), flight, turning, Some(0.0))
+                (Own::airborne(plant, pushes, state, scenario.seed), turning, Some(0.0))
             }
-            Start::Ground(route) => {
-                let body = Own::new(plant, pushes, scenario.seed);
-                (body, Flight::new(params, *route)?, MotorCommand::Stop, None)
-            }
+            Start::Ground(_) => (Own::new(plant, pushes, scenario.seed), MotorCommand::Stop, None),
         };
         let effects = plant.effects();
         let free =
@@ -209,6 +226,11 @@ impl World {
         }
     }
 
+    /// The true pose of the tool under the wrench on it.
+    fn tool_pose(&self) -> (Vector3, Matrix3) {
+        self.plant.loaded_tool_pose(self.body.state(), &self.body.tool_wrench_w())
+    }
+
     /// The true state, with the specific force at the centre of mass that a perfect lever-arm correction would give.
     fn known(&self, specific_force_i: &Vector3, angular_acceleration_r: &Vector3) -> KnownState {
         let (mounting, robot) = (self.plant.vehicle().imu(), &self.body.state().robot);
@@ -243,45 +265,6 @@ impl World {
             self.body.advance(&Cycle { at, dt, since_start }, speeds);
             self.sensors.pass(&self.plant, self.body.state(), dt);
         }
-    }
-
-    fn keep(&self, record: &mut Record) {
-        let (state, flown) = (self.body.state(), &self.commanded.record);
-        let rotors = self.plant.vehicle().rotor_count();
-        let (tool_position_w, tool_rotation_we) =
-            self.plant.loaded_tool_pose(state, &self.body.tool_wrench_w());
-        record.put("time", &[flown.input.time]);
-        record.put("position", state.robot.position_w.as_slice());
-        record.put("velocity", state.robot.velocity_w.as_slice());
-        record.put_matrix("rotation", &state.robot.rotation_wr);
-        record.put("angular_velocity", state.robot.angular_velocity_r.as_slice());
-        record.put("tool_position", tool_position_w.as_slice());
-        record.put_matrix("tool_rotation", &tool_rotation_we);
-        record.put("estimated_position", flown.state.position_w.as_slice());
-        record.put("estimated_velocity", flown.state.velocity_w.as_slice());
-        record.put_matrix("estimated_rotation", &flown.state.rotation_wr);
-        record.put("setpoint_position", flown.setpoint.position_w.as_slice());
-        record.put_matrix("setpoint_rotation", &flown.setpoint.rotation_we);
-        record.put("reference_position", flown.reference.position_w.as_slice());
-        record.put_matrix("reference_rotation", &flown.reference.rotation_we);
-        record.put("position_error", flown.position_error_w.as_slice());
-        record.put("rotation_error", flown.rotation_error_r.as_slice());
-        record.put("wrench_robot", flown.wrench_robot.to_vector().as_slice());
-        record.put("wrench_tool", flown.wrench_tool_w.to_vector().as_slice());
-        record.put("wrench_contact", flown.wrench_contact_w.to_vector().as_slice());
-        record.put("wind", flown.wind_w.as_slice());
-        record.put("contact_likelihood", &[flown.contact_likelihood]);
-        record.put("wrench_true", self.body.tool_wrench_w().to_vector().as_slice());
-        record.put("rotor_speeds", &state.rotor_speeds.as_slice()[..rotors]);
-        record.put("rotor_command", &flown.rotor_command.as_slice()[..rotors]);
-        let sample = self.telemetry.inertial.samples().last();
-        let read = |of: fn(&Inertial) -> Vector3| sample.map_or_else(Vector3::zeros, of);
-        record.put("gyro", read(|s| s.gyro_i).as_slice());
-        record.put("specific_force", read(|s| s.specific_force_i).as_slice());
-        record.put("measured_rotor_speeds", &flown.rotor_speeds.as_slice()[..rotors]);
-        record.put("saturated", &[f64::from(u8::from(flown.saturated))]);
-        record.put("phase", &[f64::from(flown.phase as u8)]);
-        record.end_row();
     }
 }
 

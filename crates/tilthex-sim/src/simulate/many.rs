@@ -1,6 +1,6 @@
 //! Many simulated flights, with one worker thread per processor.
 
-use super::{Record, Scenario, World, fly};
+use super::{Prepared, Record, Scenario, World, fly};
 use crate::Body;
 use std::{
     ops::ControlFlow,
@@ -57,14 +57,13 @@ impl Sums {
 
     fn add(&mut self, world: &World) {
         let (state, flown) = (world.body.state(), &world.commanded.record);
-        let force_w = world.body.tool_wrench_w();
-        let (tool_w, _) = world.plant.loaded_tool_pose(state, &force_w);
+        let (tool_w, _) = world.tool_pose();
         let error = flown.position_error_w.norm();
         let squares = [
             flown.position_error_w.norm_squared(),
             flown.rotation_error_r.norm_squared(),
             (tool_w - flown.setpoint.position_w).norm_squared(),
-            force_w.force.norm_squared(),
+            world.body.tool_wrench_w().force.norm_squared(),
         ];
         self.largest.iter_mut().zip(squares).for_each(|(largest, square)| *largest = largest.max(square));
         self.position_error += error * error;
@@ -118,9 +117,11 @@ pub fn run_many(
         for _ in 0..workers.clamp(1, scenarios.len().max(1)) {
             let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
+                let mut prepared = Prepared::default();
                 while let Some((number, scenario)) = take(next, scenarios) {
                     let mut sums = Sums::new();
-                    let flown = fly(scenario, |name| wanted.iter().any(|w| w == name), |w| sums.add(w));
+                    let wanted = |name: &str| wanted.iter().any(|w| w == name);
+                    let flown = fly(scenario, &mut prepared, wanted, |world| sums.add(world));
                     let outcome = flown.map(|record| Outcome { summary: sums.summary(), record });
                     if sender.send((number, outcome)).is_err() {
                         break;
