@@ -28,6 +28,7 @@ impl Flight {
     /// A pose that the estimator refuses.
     pub fn begin_in_air(&mut self, start: &AirborneStart) -> Result<(), Error> {
         self.estimator.initialize(start.time, &start.position_w, &start.rotation_wc)?;
+        self.take_state();
         self.time = Some(start.time);
         self.command = self.params.vehicle.hover_speeds(&self.robot_state().rotation_wr);
         self.rotor_model.begin_at(&self.command);

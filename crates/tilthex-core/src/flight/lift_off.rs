@@ -184,6 +184,7 @@ impl Flight {
         let captured = self.estimator.captured_rotation();
         self.lift_off.turn_c = Some(captured.transpose() * so3::rot_z(yaw) * captured);
         self.estimator.turn(yaw);
+        self.take_state();
         self.capture.struck();
         self.absorb_jump(&before, 0.0);
     }

@@ -127,6 +127,8 @@ pub struct Flight {
     estimator: Estimator,
     /// The known state, which replaces that of the estimator.
     known: Option<KnownState>,
+    /// The state that the laws use: the known one, or the estimator's.
+    state: KnownState,
     /// Whether the caller says that this is a contact-free hover to learn from.
     learns: bool,
     /// Whether the caller says that this is a contact-free flight to learn the model from.
@@ -182,13 +184,15 @@ impl Flight {
         let (min_speeds, max_speeds) = vehicle.speed_limits();
         check_range("rotor_speed_age", params.rotor_speed_age, 0.0, LARGEST_ROTOR_SPEED_AGE)?;
         let controller = Controller::new(vehicle, params.controller)?;
+        let estimator = Estimator::new(params.estimator)?;
         Ok(Self {
             slow_controller: late::slowed(&controller)?,
             controller,
             pending: Pending::default(),
             control: ControllerState::default(),
-            estimator: Estimator::new(params.estimator)?,
             known: None,
+            state: sensing::state_of(&estimator),
+            estimator,
             learns: false,
             learns_model: false,
             model: ModelState::new(&vehicle, &params.model_prior),

@@ -241,6 +241,7 @@ impl Flight {
         }
         self.estimator.move_centre_of_mass(&learnt.centre_r);
         self.known = self.known.map(|known| moved(&known, &learnt.centre_r));
+        self.take_state();
         self.model.centre_r += learnt.centre_r;
         self.model.deviation = learnt.deviation;
         self.model.hovers = learnt.hovers;

@@ -362,6 +362,7 @@ impl Flight {
         }
         let position_w = own.position_w - own.displaced_w;
         self.estimator.go_on_with(Navigation { position_w, velocity_w, rotation_wi, ..state }, own.of_centre);
+        self.take_state();
         self.own_poses.believed(&own.displaced_w);
         self.capture.recognized();
     }

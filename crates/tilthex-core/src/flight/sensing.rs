@@ -4,11 +4,11 @@ use super::{
     Flight,
     capture::{Contradiction, Verdict},
     gyro_doubt::BIAS,
-    io::{MAX_POSES, Measured},
+    io::{KnownState, MAX_POSES, Measured},
 };
 use crate::{
     admittance::AdmittanceState,
-    estimator::Quality,
+    estimator::{Estimator, Quality},
     so3,
     supervisor::{Fault, FaultSet, Phase, limits::IMU_LATE},
     types::{RobotState, RotorVector, Vector3},
@@ -17,25 +17,43 @@ use crate::{
 /// A larger correction of the estimate than this in a tick, m and rad, is a jump.
 const JUMP: (f64, f64) = (0.03, 0.03);
 
+/// What the estimator knows of the vehicle.
+pub(super) fn state_of(estimator: &Estimator) -> KnownState {
+    KnownState { robot: estimator.robot_state(), specific_force_r: estimator.specific_force_r() }
+}
+
 impl Flight {
     /// Pose and twist of the robot: the estimator's, or the known ones.
     #[must_use]
     pub fn robot_state(&self) -> RobotState {
-        self.known.as_ref().map_or_else(|| self.estimator.robot_state(), |known| known.robot)
+        debug_assert!(self.state == self.newest_state() || !self.state.robot.is_finite());
+        self.state.robot
     }
 
     /// Specific force at the centre of mass, m/s^2, robot: the estimator's, or the known one.
     pub(super) fn specific_force_r(&self) -> Vector3 {
-        let known = self.known.as_ref();
-        known.map_or_else(|| self.estimator.specific_force_r(), |known| known.specific_force_r)
+        self.state.specific_force_r
+    }
+
+    fn newest_state(&self) -> KnownState {
+        self.known.unwrap_or_else(|| state_of(&self.estimator))
+    }
+
+    /// Takes over what the estimator has changed.
+    pub(super) fn take_state(&mut self) {
+        self.state = self.newest_state();
     }
 
     /// Updates the estimator. In flight, the model replaces missing inertial samples.
     pub(super) fn estimate(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
         self.known = input.known.map(|known| self.model.at_centre(&known));
-        if self.known.is_some() {
-            return;
+        if self.known.is_none() {
+            self.run_estimator(input, rotor_speeds, dt);
         }
+        self.take_state();
+    }
+
+    fn run_estimator(&mut self, input: &Measured<'_>, rotor_speeds: &RotorVector, dt: f64) {
         let inertial = &input.telemetry.inertial;
         let samples = inertial.samples();
         let modelled = self.estimator.is_modelled();
@@ -139,11 +157,13 @@ impl Flight {
         match self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)? {
             Verdict::PosesLie(found) => {
                 self.estimator.go_on_from(found.reckoned);
+                self.take_state();
                 conditions.insert_if(Fault::PoseContradicts, true);
                 Some(found)
             }
             Verdict::GyroIsOff => {
                 self.estimator.doubt_gyro(BIAS.1);
+                self.take_state();
                 None
             }
         }
