@@ -37,6 +37,7 @@ pub mod pose_control;
 pub mod random;
 pub mod reach;
 pub mod reference_bounds;
+mod ring;
 pub mod rotor_room;
 pub mod so3;
 pub mod supervisor;

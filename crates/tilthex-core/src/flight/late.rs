@@ -4,6 +4,7 @@ use crate::{
     Error,
     controller::{Controller, ControllerParams},
     pose_control::PoseGains,
+    ring::Ring,
     so3,
     types::{RobotState, Vector3},
     wrench_observer::ObserverGains,
@@ -36,23 +37,20 @@ pub(super) fn slowed(controller: &Controller) -> Result<Controller, Error> {
 /// The rotations that the last commands will still cause.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pending {
-    /// Angular acceleration, rad/s^2, robot, times the length of its tick, s; newest last.
-    turns: [(Vector3, f64); TICKS],
+    /// Angular acceleration, rad/s^2, robot, and the length of its tick, s.
+    turns: Ring<(Vector3, f64), TICKS>,
 }
 
 impl Default for Pending {
     fn default() -> Self {
-        Self { turns: [(Vector3::new(0.0, 0.0, 0.0), 0.0); TICKS] }
+        Self { turns: Ring::new((Vector3::zeros(), 0.0)) }
     }
 }
 
 impl Pending {
     /// Takes the angular acceleration, rad/s^2, robot, that the model expects over a tick of `dt` s.
     pub(super) fn push(&mut self, angular_acceleration_r: Vector3, dt: f64) {
-        self.turns.rotate_left(1);
-        if let Some(slot) = self.turns.last_mut() {
-            *slot = (angular_acceleration_r, dt);
-        }
+        self.turns.push((angular_acceleration_r, dt));
     }
 
     /// Predicts a state that is `delay` s old when a command of now takes effect to that time.
@@ -60,7 +58,7 @@ impl Pending {
         let (mut left, mut rate, mut turn) = (delay, Vector3::zeros(), Vector3::zeros());
         // The acceleration of a tick acts until the end: its share of the angle grows with the time that is left
         // after it.
-        for (alpha, dt) in self.turns.iter().rev() {
+        for (alpha, dt) in self.turns.iter() {
             if left <= 0.0 {
                 break;
             }

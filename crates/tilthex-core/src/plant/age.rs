@@ -1,6 +1,6 @@
 //! Past rotor speeds, for a measurement that has an age.
 
-use crate::types::RotorVector;
+use crate::{ring::Ring, types::RotorVector};
 
 /// Number of samples: 64 ms at 1 kHz.
 const KEPT: usize = 64;
@@ -10,23 +10,20 @@ pub const LARGEST: f64 = 0.05;
 /// The last speeds, each with the time from the next older speeds to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Past {
-    samples: [(f64, RotorVector); KEPT],
-    /// The place of the newest speeds; older speeds follow, after the last place those in the first.
-    newest: usize,
+    samples: Ring<(f64, RotorVector), KEPT>,
     count: usize,
 }
 
 impl Default for Past {
     fn default() -> Self {
-        Self { samples: [(0.0, RotorVector::zeros()); KEPT], newest: 0, count: 0 }
+        Self { samples: Ring::new((0.0, RotorVector::zeros())), count: 0 }
     }
 }
 
 impl Past {
     /// Adds the speeds, Hz, at a time `dt` seconds after the last ones.
     pub fn push(&mut self, speeds: &RotorVector, dt: f64) {
-        self.newest = (self.newest + KEPT - 1) % KEPT;
-        self.samples[self.newest % KEPT] = (dt, *speeds);
+        self.samples.push((dt, *speeds));
         self.count = (self.count + 1).min(KEPT);
     }
 
@@ -34,8 +31,7 @@ impl Past {
     /// old; `None` if there are no speeds.
     #[must_use]
     pub fn at(&self, age: f64) -> Option<RotorVector> {
-        let (before, from) = self.samples.split_at(self.newest % KEPT);
-        let mut known = from.iter().chain(before).take(self.count);
+        let mut known = self.samples.iter().take(self.count);
         let &(mut gap, ref first) = known.next()?;
         let mut newer = first;
         let mut left = age;
