@@ -90,10 +90,7 @@ impl Normals {
     /// Normal with mean 0 and deviation 1.
     #[inline]
     pub fn one(&mut self) -> f64 {
-        if self.taken == 2 * BLOCK {
-            self.refill();
-        }
-        let number = self.block[self.taken % (2 * BLOCK)];
+        let number = self.block.get(self.taken).copied().unwrap_or_else(|| self.refill());
         self.taken += 1;
         number
     }
@@ -104,12 +101,16 @@ impl Normals {
         Vector3::new(self.one(), self.one(), self.one()) * sigma
     }
 
-    fn refill(&mut self) {
+    /// The first number of a new block.
+    #[cold]
+    fn refill(&mut self) -> f64 {
         let [first, second] = self.random.normals::<BLOCK>();
         for (pair, normals) in self.block.chunks_exact_mut(2).zip(first.into_iter().zip(second)) {
             pair.copy_from_slice(&[normals.0, normals.1]);
         }
         self.taken = 0;
+        let [number, ..] = self.block;
+        number
     }
 }
 

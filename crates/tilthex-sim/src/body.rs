@@ -163,10 +163,10 @@ impl Own {
         self.pressed_tool_w + since_start.map_or(Wrench::ZERO, |time| self.pushes.wrench(time))
     }
 
-    /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) under the wrenches that act.
+    /// The values of a perfect IMU, and the specific force at the centre of mass, m/s^2, R.
     #[must_use]
-    pub fn accelerations(&self) -> (Vector3, Vector3) {
-        self.plant.accelerations_by(&self.state, &self.rotors, &self.external)
+    pub fn inertial(&self) -> (ImuSample, Vector3) {
+        self.plant.imu_by(&self.state, &self.rotors, &self.external)
     }
 
     fn sum_up(&mut self) {
@@ -229,7 +229,7 @@ impl Body for Own {
     }
 
     fn imu(&self) -> ImuSample {
-        self.plant.imu_at(&self.state, &self.accelerations())
+        self.inertial().0
     }
 
     fn tool_wrench_w(&self) -> Wrench {

@@ -20,7 +20,6 @@ use tilthex_core::{
     random::Random,
     trajectory::Trajectory,
     types::RotorVector,
-    wrench_observer::remove_lever_arm,
 };
 
 /// Control period, s.
@@ -184,8 +183,8 @@ impl World {
     fn tick(&mut self, time: f64, captures: bool) {
         self.time = time;
         self.body.feel(self.started.map(|started| time - started));
-        let (state, accelerations) = (self.body.state(), self.body.accelerations());
-        let imu = self.plant.imu_at(state, &accelerations);
+        let state = self.body.state();
+        let (imu, specific_force_r) = self.body.inertial();
         let sample = self.sensors.imu(&imu);
         self.telemetry.begin_tick();
         self.telemetry.inertial.push(
@@ -218,7 +217,8 @@ impl World {
             poses: &self.capture.arrived(time),
             command: None,
             host: HostFacts::default(),
-            known: (!self.estimate).then(|| self.known(&imu.specific_force_i, &accelerations.1)),
+            known: (!self.estimate)
+                .then(|| KnownState { robot: captured(&state.robot, &self.captured_r), specific_force_r }),
         };
         self.flight.tick(&measured, &mut self.commanded);
         if self.started.is_none() && matches!(self.commanded.motors, MotorCommand::Start(_)) {
@@ -227,20 +227,9 @@ impl World {
     }
 
     /// The true pose of the tool under the wrench on it.
+    #[inline(always)]
     fn tool_pose(&self) -> (Vector3, Matrix3) {
         self.plant.loaded_tool_pose(self.body.state(), &self.body.tool_wrench_w())
-    }
-
-    /// The true state, with the specific force at the centre of mass that a perfect lever-arm correction would give.
-    fn known(&self, specific_force_i: &Vector3, angular_acceleration_r: &Vector3) -> KnownState {
-        let (mounting, robot) = (self.plant.vehicle().imu(), &self.body.state().robot);
-        let specific_force_r = remove_lever_arm(
-            &(mounting.rotation_r * specific_force_i),
-            &robot.angular_velocity_r,
-            angular_acceleration_r,
-            &mounting.position_r,
-        );
-        KnownState { robot: captured(robot, &self.captured_r), specific_force_r }
     }
 
     /// Moves the body by one period.
@@ -279,6 +268,9 @@ fn at_rest_on(plant: &Plant, setpoint: &Setpoint) -> PlantState {
 
 /// The robot's state with another point of the airframe as its origin.
 fn captured(robot: &RobotState, point_r: &Vector3) -> RobotState {
+    if *point_r == Vector3::zeros() {
+        return *robot;
+    }
     RobotState {
         position_w: robot.position_w + robot.rotation_wr * point_r,
         velocity_w: robot.velocity_w + robot.rotation_wr * robot.angular_velocity_r.cross(point_r),

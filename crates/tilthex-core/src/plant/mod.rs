@@ -177,8 +177,8 @@ impl Plant {
         let momentum = inertia * start.angular_velocity_r;
         let command = &self.effects.reached(&state.effects, command);
         let middle_speeds = self.lag(&state.rotor_speeds, command, step.half_lag);
-        let end_speeds = self.lag(&state.rotor_speeds, command, step.lag);
         let acceleration = |speeds: &RotorVector| self.acceleration(&state.rotor_speeds, speeds, command, dt);
+        let end_speeds = self.lag(&state.rotor_speeds, command, step.lag);
         let wind_w =
             if self.bare { Vector3::zeros() } else { self.effects.wind.velocity(&state.effects.wind) };
         let middle_wrench = self.vehicle.body_wrench(&middle_speeds);
@@ -249,25 +249,22 @@ impl Plant {
     /// Linear acceleration (m/s^2, W) and angular acceleration (rad/s^2, R) of the centre of mass.
     #[must_use]
     pub fn accelerations(&self, state: &PlantState, external: &Wrench) -> (Vector3, Vector3) {
-        self.accelerations_by(state, &self.vehicle.body_wrench(&state.rotor_speeds), external)
-    }
-
-    /// [`Self::accelerations`] at a known nominal wrench of the rotors.
-    #[must_use]
-    pub fn accelerations_by(
-        &self,
-        state: &PlantState,
-        rotors: &Wrench,
-        external: &Wrench,
-    ) -> (Vector3, Vector3) {
-        let actuation = if self.bare { *rotors } else { *rotors + self.effects_wrench(state) };
-        let omega = state.robot.angular_velocity_r;
-        let inertia = self.vehicle.inertia();
-        let torque = actuation.torque + external.torque - omega.cross(&(inertia * omega));
+        let actuation = self.actuation(state, &self.vehicle.body_wrench(&state.rotor_speeds));
         (
             self.acceleration_w(&state.robot.rotation_wr, &actuation.force, external),
-            self.vehicle.inertia_inverse() * torque,
+            self.angular_acceleration(state, &actuation, external),
         )
+    }
+
+    fn angular_acceleration(&self, state: &PlantState, actuation: &Wrench, external: &Wrench) -> Vector3 {
+        let omega = state.robot.angular_velocity_r;
+        let torque = actuation.torque + external.torque - omega.cross(&(self.vehicle.inertia() * omega));
+        self.vehicle.inertia_inverse() * torque
+    }
+
+    /// The wrench of the rotors, of which `rotors` is nominal, and of the effects.
+    fn actuation(&self, state: &PlantState, rotors: &Wrench) -> Wrench {
+        if self.bare { *rotors } else { *rotors + self.effects_wrench(state) }
     }
 
     /// The wrench of the effects on the airframe: force and torque about the centre of mass, robot coordinates.
@@ -289,7 +286,7 @@ impl Plant {
 
     /// Tool pose: tip position (m, W) and orientation (E to W).
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn tool_pose(&self, state: &PlantState) -> (Vector3, Matrix3) {
         let (r, tool) = (&state.robot, self.vehicle.tool());
         (r.position_w + r.rotation_wr * tool.position_r, r.rotation_wr * tool.rotation_r)
@@ -297,7 +294,7 @@ impl Plant {
 
     /// Tool pose if a wrench (W) at the tip bends its rod.
     #[must_use]
-    #[inline]
+    #[inline(always)]
     pub fn loaded_tool_pose(&self, state: &PlantState, tool_w: &Wrench) -> (Vector3, Matrix3) {
         if self.effects.rod.is_rigid() { self.tool_pose(state) } else { self.bent_tool_pose(state, tool_w) }
     }
@@ -312,21 +309,26 @@ impl Plant {
     /// The values of a perfect IMU at its mounting.
     #[must_use]
     pub fn imu(&self, state: &PlantState, external: &Wrench) -> ImuSample {
-        self.imu_at(state, &self.accelerations(state, external))
+        self.imu_by(state, &self.vehicle.body_wrench(&state.rotor_speeds), external).0
     }
 
-    /// The values of a perfect IMU at known [`Self::accelerations`].
+    /// The values of a perfect IMU at its mounting, and the specific force at the centre of mass, m/s^2, robot coordinates.
+    /// `rotors` is the nominal wrench of the rotors.
     #[must_use]
-    pub fn imu_at(&self, state: &PlantState, accelerations: &(Vector3, Vector3)) -> ImuSample {
-        let imu = self.vehicle.imu();
-        let (acceleration_w, alpha_r) = accelerations;
-        let omega = state.robot.angular_velocity_r;
-        let free_w = acceleration_w + Vector3::new(0.0, 0.0, GRAVITY);
-        let specific_force_r = state.robot.rotation_wr.transpose() * free_w
-            + alpha_r.cross(&imu.position_r)
-            + omega.cross(&omega.cross(&imu.position_r));
+    pub fn imu_by(&self, state: &PlantState, rotors: &Wrench, external: &Wrench) -> (ImuSample, Vector3) {
+        let (imu, robot) = (self.vehicle.imu(), &state.robot);
+        let actuation = self.actuation(state, rotors);
+        // Of all forces, those that are no weight.
+        let external_r = robot.rotation_wr.transpose() * external.force;
+        let at_centre_r = (actuation.force + external_r) / self.vehicle.mass();
+        let (mut specific_force_r, omega) = (at_centre_r, robot.angular_velocity_r);
+        if imu.position_r != Vector3::zeros() {
+            let alpha = self.angular_acceleration(state, &actuation, external);
+            specific_force_r += alpha.cross(&imu.position_r) + omega.cross(&omega.cross(&imu.position_r));
+        }
         let to_imu = imu.rotation_r.transpose();
-        ImuSample { gyro_i: to_imu * omega, specific_force_i: to_imu * specific_force_r }
+        let sample = ImuSample { gyro_i: to_imu * omega, specific_force_i: to_imu * specific_force_r };
+        (sample, at_centre_r)
     }
 
     /// Kinetic energy, J.

@@ -150,7 +150,7 @@ impl Record {
 
     /// Adds a row to each column.
     pub(super) fn take(&mut self, world: &World) {
-        if self.columns.is_empty() {
+        if self.columns.len() < self.wanted.len() {
             self.columns = self.wanted.iter().map(|number| self.column(*number, world)).collect();
         }
         for (column, number) in self.columns.iter_mut().zip(&self.wanted) {
