@@ -99,7 +99,7 @@ impl AdmittanceState {
     }
 
     /// The axes along which a set-point controls the force, if any: those of the reference's tool, or of the surface.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn forced(&self, setpoint: &Setpoint) -> Option<Forced> {
         setpoint.force_axes.any().then(|| setpoint.force_axes.at(&(self.rotation * setpoint.rotation_we)))
     }
@@ -194,6 +194,7 @@ impl AdmittanceFilter {
     /// Moves the reference by `dt` seconds under the wrench `h_hat + h_user` at the tool (world), which is constant
     /// over the period; `setpoint` is the set-point at its end. Along the force axes of the set-point, neither its place nor
     /// its motion acts on the reference.
+    #[inline]
     pub fn step(
         &self,
         state: &mut AdmittanceState,
@@ -237,6 +238,7 @@ impl AdmittanceFilter {
     }
 
     /// One step in the axes of the matrices: the acceleration at its end, and whether an excursion limit is active.
+    #[inline]
     fn step_own(
         &self,
         state: &mut AdmittanceState,
@@ -250,6 +252,7 @@ impl AdmittanceFilter {
         }
     }
 
+    #[inline(always)]
     fn step_by<B: Block>(
         &self,
         law: &Linear<B>,
@@ -276,6 +279,7 @@ impl AdmittanceFilter {
 
     /// Limits the excursion: moves the deviation back onto the limit, and removes the outward velocity. Returns the
     /// outward directions of translation and rotation that are at their limits.
+    #[inline(always)]
     fn hold_back(&self, state: &mut AdmittanceState) -> [Option<Vector3>; 2] {
         let (mut v, mut w) = halves(&state.twist_w);
         let translation = clamp(&mut state.translation_w, &mut v, self.params.max_translation);
@@ -295,6 +299,7 @@ impl AdmittanceFilter {
 }
 
 /// Limits a vector to the length `limit`; returns its direction if it was longer.
+#[inline]
 fn clamp(value: &mut Vector3, rate: &mut Vector3, limit: f64) -> Option<Vector3> {
     let norm = value.norm();
     if norm > limit {
@@ -319,6 +324,7 @@ fn without_outward(rate: Vector3, outward: Option<Vector3>) -> Vector3 {
 ///
 /// (30) prints R_R where the reference's R_R,r is meant.
 #[must_use]
+#[inline(always)]
 pub fn centre_of_mass_reference(tool_reference: &Setpoint, tool: &Mounting) -> Reference {
     let t = tool_reference;
     let rotation_wr = t.rotation_we * tool.rotation_r.transpose();
@@ -344,6 +350,7 @@ pub(crate) fn about_tool(
 }
 
 /// The same with the attitude's angular velocity and acceleration in W.
+#[inline(always)]
 fn with_tool_at(
     tool: &Setpoint,
     attitude: Reference,

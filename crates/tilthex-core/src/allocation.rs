@@ -250,6 +250,7 @@ impl Allocator {
     /// Rotor inputs for a body wrench in any attitude, within the limits of the rotors' status. The search starts from the
     /// result of the last search.
     #[must_use]
+    #[inline(always)]
     pub fn step(
         &self,
         state: &mut AllocatorState,
@@ -278,6 +279,7 @@ impl Allocator {
         (self.rotor_count > self.rank).then_some(&self.hover)
     }
 
+    #[inline]
     fn unlimited(&self, wrench: &Vector6, inputs: RotorVector) -> Allocation {
         if self.rank < ROWS {
             return self.report(wrench, inputs, None, None, 0);
@@ -370,6 +372,7 @@ fn wanted(wrench: &Vector6) -> Vector6 {
 }
 
 /// Whether the inputs of `count` rotors are within their limits.
+#[inline(always)]
 fn within(count: usize, inputs: &RotorVector, lower: &RotorVector, upper: &RotorVector) -> bool {
     let limits = lower.as_slice().iter().zip(upper.as_slice());
     inputs.as_slice().iter().zip(limits).take(count).all(|(u, (l, h))| l <= u && u <= h)

@@ -221,6 +221,7 @@ impl AttitudeSelector {
     /// The reference of the centre of mass for a reference of the tool: in the wanted attitude, at the position to
     /// which the present turn leads it, `dt` seconds after the last call.
     #[must_use]
+    #[inline]
     pub fn reference(&self, state: &mut AttitudeState, tool_reference: &Setpoint, dt: f64) -> Reference {
         let full = admittance::centre_of_mass_reference(tool_reference, &self.tool);
         let wanted = if self.params.mode.levels() {
@@ -237,6 +238,7 @@ impl AttitudeSelector {
     /// The attitude for a wanted force of the rotors (N, world)
     /// and a [reference](Self::reference); `dt` is the time since the last call, s.
     #[must_use]
+    #[inline]
     pub fn step(
         &self,
         state: &mut AttitudeState,
@@ -262,6 +264,7 @@ impl AttitudeSelector {
 
     /// The turn to make, wanted body coordinates, and the force that it makes possible: the whole wanted force, or as
     /// much of the horizontal part as the largest turn allows.
+    #[inline]
     fn target(
         &self,
         state: &mut AttitudeState,
@@ -300,6 +303,7 @@ impl AttitudeSelector {
 
     /// A force in wanted body coordinates, and a plane that parts it from the section; no plane if no turn is necessary. `None`
     /// for a force that is not finite.
+    #[inline]
     fn first_cut(
         &self,
         state: &mut AttitudeState,

@@ -147,6 +147,7 @@ impl ContactParams {
     }
 
     /// Separates the contact from an observed wrench, `dt` seconds after the last one.
+    #[inline]
     pub fn step(&self, state: &mut ContactState, seen: &Seen<'_>, dt: f64) -> Contact {
         if !self.discrimination {
             return Contact {

@@ -43,6 +43,7 @@ impl LowPass {
     }
 
     /// Filters one sample that was constant over the last `dt` seconds.
+    #[inline]
     pub fn step(&self, state: &mut LowPassState, input: &Vector6, dt: f64) -> Vector6 {
         if self.rate == 0.0 {
             state.output = *input;
@@ -61,6 +62,7 @@ pub fn lag_fraction(rate: f64, dt: f64) -> f64 {
 
 /// Shortens `v` by `threshold`; a vector that is not longer becomes zero. The result is continuous.
 #[must_use]
+#[inline]
 pub fn dead_zone(v: &Vector3, threshold: f64) -> Vector3 {
     let norm = v.norm();
     if norm > threshold { v * (1.0 - threshold / norm) } else { Vector3::zeros() }

@@ -112,6 +112,7 @@ impl Forced {
     /// A felt wrench after the dead zones, N and N m. They do not act along the chosen axes while something resists the
     /// commanded wrench there.
     #[must_use]
+    #[inline(always)]
     pub fn beyond(&self, felt_w: &Wrench, commanded_w: &Wrench, dead_zones: (f64, f64)) -> Wrench {
         let part = |felt: &Vector3, commanded: &Vector3, along: &Matrix3, zone: f64| {
             let forced = along * felt;

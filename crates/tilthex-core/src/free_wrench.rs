@@ -76,6 +76,7 @@ impl FreeWrenchParams {
     }
 
     /// The part of a commanded wrench that drives the filter, world, in addition to the wrench that is felt; `dt` in s.
+    #[inline]
     pub fn step(
         &self,
         state: &mut FreeWrenchState,

@@ -99,6 +99,7 @@ impl PoseController {
 
     /// The half of [`Self::step`] that does not depend on attitudes; the other half is zero.
     #[must_use]
+    #[inline]
     pub fn translation(&self, state: &RobotState, reference: &Reference) -> PoseCommand {
         let g = &self.gains;
         let position_error_w = reference.position_w - state.position_w;
@@ -114,6 +115,7 @@ impl PoseController {
     }
 
     /// Adds the half that depends on attitudes; `lead_r` is demanded beside the reference's angular acceleration, rad/s^2.
+    #[inline(always)]
     pub fn rotation(
         &self,
         command: &mut PoseCommand,

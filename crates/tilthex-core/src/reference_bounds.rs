@@ -67,6 +67,7 @@ impl ReferenceBounds {
     /// One tick of `dt` s, after the filter's. `level` is the tank's, J; `twist_w` the twist of the reference that counts,
     /// world; `felt_w` the wrench of the environment at the tool, world, and the change of the filter's twist by this
     /// wrench as an impulse of 1 s.
+    #[inline]
     pub fn step(
         &self,
         level: &mut f64,
@@ -98,6 +99,7 @@ impl ReferenceBounds {
     }
 
     /// The change of the twist with which the tank's energy is not exceeded.
+    #[inline]
     fn back(&self, level: &mut f64, twist_w: &Vector6, felt_w: (&Wrench, &Vector6), dt: f64) -> Vector6 {
         let (felt_w, impulse_w) = (felt_w.0.to_vector(), felt_w.1);
         let (given, weight) = (-felt_w.dot(twist_w), felt_w.dot(impulse_w));

@@ -82,6 +82,7 @@ fn arc_ratio(s2: f64) -> f64 {
 
 /// The rotation by the angle `|v|` about `v` (Rodrigues).
 #[must_use]
+#[inline]
 pub fn exp(v: &Vector3) -> Matrix3 {
     let (a, b, _) = ratios(v.norm_squared());
     rodrigues(v, a, b)
@@ -112,6 +113,7 @@ pub(crate) fn rodrigues(v: &Vector3, a: f64, b: f64) -> Matrix3 {
 /// At exactly pi both signs are right; the one whose largest component is
 /// positive is returned.
 #[must_use]
+#[inline]
 pub fn log(r: &Matrix3) -> Vector3 {
     // The unit quaternion, by the largest of its four components (Shepperd),
     // is exact to rounding at every angle, unlike the trace. At small angles their sines are.
@@ -164,6 +166,7 @@ pub(crate) fn between(from: &Matrix3, to: &Matrix3) -> Matrix3 {
 
 /// Whether the rotation `after` is within an angle, rad, of `before` with the turn (rotation vector, body) after it.
 #[must_use]
+#[inline]
 pub(crate) fn follows(before: &Matrix3, turn_r: &Vector3, after: &Matrix3, angle: f64) -> bool {
     // Two parts that are each below half of the angle need no exponential. The trace 1 + 2 cos(x) is about 3 - x^2.
     let half = 0.24 * angle * angle;
@@ -190,6 +193,7 @@ pub fn left_jacobian(v: &Vector3) -> Matrix3 {
 
 /// `J^-1 d` for the [`left_jacobian`] J of `v`, for angles below 2 pi.
 #[must_use]
+#[inline]
 pub fn left_jacobian_solve(v: &Vector3, d: &Vector3) -> Vector3 {
     let t2 = v.norm_squared();
     let c = if t2 < SMALL_ANGLE_SQUARED {
@@ -246,6 +250,7 @@ pub fn straightened(r: &Matrix3) -> Matrix3 {
 
 /// A product of rotations without the rounding errors of its columns' lengths and angles, up to their squares.
 #[must_use]
+#[inline]
 pub(crate) fn unrounded(r: &Matrix3) -> Matrix3 {
     let (x, y) = (r.column(0), r.column(1));
     let half = 0.5 * x.dot(&y);

@@ -147,6 +147,7 @@ impl WrenchObserver {
     ///
     /// The first sample only marks t0. (19) has a plus before its bracket here; the paper's minus would estimate the
     /// negative of the force.
+    #[inline(always)]
     pub fn step(&self, state: &mut WrenchObserverState, input: &ObserverInput, dt: f64) -> Wrench {
         let actuation = self.actuation(&input.rotor_speeds);
         let momentum_r = self.inertia * input.angular_velocity_r;
@@ -197,6 +198,7 @@ pub fn remove_lever_arm(
 
 /// The wrench at the tool tip, W, of a wrench at the centre of mass (force W, torque R); (25).
 #[must_use]
+#[inline]
 pub fn tool_wrench(robot: &Wrench, rotation_wr: &Matrix3, tool_position_r: &Vector3) -> Wrench {
     Wrench {
         force: robot.force,

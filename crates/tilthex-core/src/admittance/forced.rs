@@ -48,6 +48,7 @@ impl AdmittanceFilter {
 
     /// The twist of the reference, m/s and rad/s, world: relative to the set-point, and along the force axes, where the
     /// set-point's motion does not act, relative to the world.
+    #[inline(always)]
     pub(crate) fn own_twist_w(&self, state: &AdmittanceState, setpoint: &Setpoint) -> Vector6 {
         let Some(forced) = state.forced(setpoint) else { return state.twist_w };
         let twist_w = Wrench { force: setpoint.velocity_w, torque: setpoint.angular_velocity_w };
@@ -55,6 +56,7 @@ impl AdmittanceFilter {
     }
 
     /// The change of the reference's twist by an impulse `wrench_w`, N s and N m s, on the filter's mass, world.
+    #[inline(always)]
     pub(crate) fn impulse_w(&self, wrench_w: &Wrench, setpoint: &Setpoint) -> Vector6 {
         let struck = |impulse: &Vector6| match &self.law {
             Law::Diagonal(law) => law.mass_inverse.apply(impulse),

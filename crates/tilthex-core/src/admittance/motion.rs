@@ -69,6 +69,7 @@ impl<B: Block> Motion<'_, B> {
         self.spring.at(&state.translation_w, &state.rotation, B::COUPLED)
     }
 
+    #[inline]
     pub(super) fn acceleration(&self, state: &AdmittanceState, strained: &Strained) -> Vector6 {
         self.push
             - self.law.damping_rate.apply(&state.twist_w)
@@ -76,6 +77,7 @@ impl<B: Block> Motion<'_, B> {
     }
 
     /// Moves the deviation by `dt`, s.
+    #[inline(always)]
     pub(super) fn advance(&self, state: &mut AdmittanceState, dt: f64) {
         let prepared = &self.law.propagator;
         let rest = dt - prepared.period;
@@ -92,6 +94,7 @@ impl<B: Block> Motion<'_, B> {
     }
 
     /// One step of the linear part in closed form.
+    #[inline(always)]
     fn exponential_step(&self, state: &mut AdmittanceState, p: &Propagator<B>) {
         let start = *state;
         let strained = self.strained(&start);
@@ -136,6 +139,7 @@ impl<B: Block> Motion<'_, B> {
     /// The parts that the spring and the rotating set-point add to the linear motion are described by their value and
     /// slope at the start and their value at the end, as a polynomial of second degree in time. The method has third
     /// order, and is exact if the spring is linear.
+    #[inline(always)]
     fn bent(
         &self,
         start: &AdmittanceState,

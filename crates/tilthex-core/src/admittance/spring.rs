@@ -84,6 +84,7 @@ impl Spring {
     }
 
     /// The spring at a deviation; without `coupled`, no axis acts on another: the matrices are diagonal.
+    #[inline]
     pub(super) fn at(&self, translation: &Vector3, turn: &Matrix3, coupled: bool) -> Strained {
         if !coupled {
             let [gx, gy, gz] = [self.g.m11, self.g.m22, self.g.m33];

@@ -71,6 +71,7 @@ impl ForceSection {
 
     /// A plane, `normal . f <= offset`, with the set on one side and `force_r` on the other, more than `tolerance`
     /// (N) away from it; `None` if the force is in the set.
+    #[inline(always)]
     pub(crate) fn cut(
         &self,
         state: &mut AllocatorState,

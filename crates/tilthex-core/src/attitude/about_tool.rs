@@ -43,6 +43,7 @@ impl AboutTool {
 
     /// Moves by `dt` seconds with a turn (rotation vector) from the wanted to the chosen attitude, and returns the wanted reference
     /// with the led position.
+    #[inline]
     pub(super) fn lead(&self, state: &mut Led, wanted: Reference, turn: &Vector3, dt: f64) -> Reference {
         if state.offset_r.norm_squared() + state.rate_r.norm_squared() + turn.norm_squared() == 0.0 {
             return wanted;

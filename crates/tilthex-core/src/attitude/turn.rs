@@ -96,6 +96,7 @@ pub struct TurnState {
 impl TurnFilter {
     /// Moves the turn towards a target rotation vector, wanted body coordinates, and turns the wanted reference by it. Returns
     /// the angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
+    #[inline]
     pub(super) fn step(
         &self,
         state: &mut TurnState,
@@ -127,6 +128,7 @@ impl TurnFilter {
     }
 
     /// Keeps the chosen attitude and its rate if the wanted ones jump: no rotor can follow a jump.
+    #[inline]
     fn absorb_jump(state: &mut TurnState, wanted: &Reference, dt: f64) {
         let Some((rotation_wr, velocity_r)) = &state.wanted else { return };
         let turn_r = dt * wanted.angular_velocity_r;

@@ -5,7 +5,7 @@ use crate::types::{MAX_ROTORS, RotorVector, Vector6};
 
 /// Body wrench of the inputs of `count` rotors. The zero columns of the others cost nothing.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub(crate) fn wrench_of(matrix: &Allocation, inputs: &RotorVector, count: usize) -> Vector6 {
     let mut wrench = [0.0; 6];
     let (columns, _) = matrix.as_slice().as_chunks::<6>();
@@ -17,7 +17,7 @@ pub(crate) fn wrench_of(matrix: &Allocation, inputs: &RotorVector, count: usize)
 
 /// Inputs of `count` rotors for a body wrench, by an inverse of the allocation matrix. The other inputs are zero.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub(crate) fn inputs_for(inverse: &AllocationInverse, wrench: &Vector6, count: usize) -> RotorVector {
     if count > 6 {
         return inverse * wrench;
@@ -41,7 +41,7 @@ pub fn speeds(inputs: &RotorVector) -> RotorVector {
 
 /// The same for `count` rotors. The other speeds are zero.
 #[must_use]
-#[inline]
+#[inline(always)]
 pub(crate) fn speeds_of(inputs: &RotorVector, count: usize) -> RotorVector {
     let mut speeds = RotorVector::zeros();
     for (speed, input) in speeds.as_mut_slice().iter_mut().zip(inputs.as_slice()).take(count) {
