@@ -1,6 +1,6 @@
 //! A small seeded generator for simulated sensors: the same numbers on every machine.
 
-use crate::types::Vector3;
+use crate::{so3::polynomial, types::Vector3};
 use core::f64::consts::TAU;
 use libm::sqrt;
 
@@ -112,12 +112,6 @@ impl Normals {
         let [number, ..] = self.block;
         number
     }
-}
-
-/// The sum of `coefficients[k] x^k`.
-#[inline]
-fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
-    coefficients.into_iter().rev().reduce(|sum, c| sum * x + c).unwrap_or(0.0)
 }
 
 /// Replaces each number by its natural logarithm. It is not inlined because the compiler vectorises it if it is not.

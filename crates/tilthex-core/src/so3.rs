@@ -37,8 +37,8 @@ pub fn vee(m: &Matrix3) -> Vector3 {
 
 /// The sum of `coefficients[k] x^k`.
 #[inline]
-fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
-    coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c)
+pub(crate) fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
+    coefficients.into_iter().rev().reduce(|sum, c| sum * x + c).unwrap_or(0.0)
 }
 
 /// sin(t)/t, (1-cos(t))/t^2 and (t-sin(t))/t^3 of t^2.
