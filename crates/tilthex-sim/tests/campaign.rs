@@ -270,6 +270,19 @@ fn noisy_poses_that_become_noisier_disturb_little() {
     none_fails(&[(3060406, &[noisy, noisier]), (2002270, &[long, jump])]);
 }
 
+/// A vehicle that followed another body's poses since samples were missing goes on from what it knew before them.
+#[test]
+fn false_poses_that_begin_while_the_program_stands_still_lead_no_vehicle_away() {
+    let pair = |(k, after)| {
+        let other = fault(Kind::CaptureOtherBody, 1.0 + after, 1.3, 0.2, 6 * k + 3);
+        [fault(Kind::Stopped, 1.0, 0.5, 0.63, 0), other]
+    };
+    all_stand(29, each(0..6, &[0.05, 0.1, 0.2]).map(pair));
+    let stopped = fault(Kind::Stopped, 1.066849853192733, 0.5007916290594163, 0.6336711235066702, 29);
+    let other = fault(Kind::CaptureOtherBody, 1.1642977837805342, 1.2598018940051652, 0.20201555389325188, 3);
+    none_fails(&[(2162919, &[stopped, other])]);
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

@@ -4,7 +4,10 @@
 //! Such poses agree with each other, and an estimator that follows them sees no contradiction until the vehicle is
 //! fast. Therefore the motion of the last second is computed from the IMU alone, with biases that hardly follow the poses.
 
-use super::gyro_doubt::{BIAS, GyroDoubt, LEAST};
+use super::{
+    gyro_doubt::{BIAS, GyroDoubt, LEAST},
+    probation::{LONG, Probation},
+};
 use crate::{
     Wrench,
     estimator::Estimator,
@@ -35,6 +38,8 @@ const BIASES_FOLLOW: f64 = 0.25;
 const DRIFT: (f64, f64) = (0.05, 0.1);
 /// Time with poses that corrects the state after a blow, s: the samples show only a part of a blow.
 const SETTLES: f64 = 0.3;
+/// An estimate from before a gap is moved on for this time, s: the errors of the IMU grow.
+const KEPT: f64 = 2.0;
 /// If the time between two samples is longer than this, s, samples are missing.
 const GAP: f64 = 0.01;
 /// A difference of up to this many standard deviations (of the estimate and of the missing samples) is no contradiction.
@@ -104,6 +109,11 @@ pub(super) struct CaptureWatch {
     /// State and biases of the vehicle at rest; in flight the biases follow slowly.
     rest: Option<Navigation>,
     window: Option<Window>,
+    /// The last estimate that nothing made doubtful, and this estimate moved on by the IMU alone since samples were missing: where
+    /// false poses came with the gap, the estimate follows them. And the time since then, s.
+    certain: Option<Navigation>,
+    before: Option<(Navigation, f64)>,
+    probation: Probation,
     /// Turns that the gyro showed and the rotors did not make.
     doubt: GyroDoubt,
     /// Time after a blow in which nothing is compared, s.
@@ -128,8 +138,8 @@ pub(super) struct Contradiction {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[allow(clippy::large_enum_variant)] // made once in a contradiction; a box would allocate
 pub(super) enum Verdict {
-    /// The poses: none is used from then on.
-    PosesLie(Contradiction),
+    /// The poses: none is used from then on. The flight goes on from a state that they have not changed.
+    PosesLie(Contradiction, Navigation),
     /// The gyro: its bias is not known any more.
     GyroIsOff,
 }
@@ -147,7 +157,7 @@ impl CaptureWatch {
 
     /// The poses were found to be those of this vehicle: they are used again, and biases of the IMU are learnt anew.
     pub(super) fn recognized(&mut self) {
-        (self.lies, self.stepped, self.excused) = (false, true, 0);
+        (self.lies, self.stepped, self.excused, self.before) = (false, true, 0, None);
         self.struck();
     }
 
@@ -179,20 +189,37 @@ impl CaptureWatch {
     /// The vehicle is at rest: the readings of its IMU are biases.
     pub(super) fn rests(&mut self, state: &Navigation) {
         (self.rest, self.window, self.settles, self.stepped) = (Some(*state), None, 0.0, false);
+        (self.certain, self.before) = (None, None);
         self.doubt.rests();
     }
 
-    /// Takes an inertial sample over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
+    /// Whether a pose of the IMU is near the place before samples were missing, or turns as the gyro shows; at a time, s.
+    pub(super) fn continues(&mut self, pose: &PoseSample, now: f64) -> bool {
+        self.before.is_none_or(|(before, _)| self.probation.admits(pose, &before, now))
+    }
+
+    /// Takes an inertial sample at `time`, s, over the `dt` s before it, rad/s and m/s^2, IMU axes; `missed` is the variance of the
     /// velocity that it may miss, (m/s)^2, or none after a blow.
     pub(super) fn feel(
         &mut self,
         gyro_i: &Vector3,
         specific_force_i: &Vector3,
         missed: Option<f64>,
-        dt: f64,
+        (time, dt): (f64, f64),
     ) {
         self.moves |= *gyro_i != self.last_gyro_i;
         self.last_gyro_i = *gyro_i;
+        let bias_i = self.before.map_or_else(Vector3::zeros, |(before, _)| before.gyro_bias_i);
+        self.probation.feel(&(gyro_i - bias_i), time, dt);
+        if missed.is_none() {
+            self.before = None;
+        } else if dt >= LONG {
+            self.before = self.before.or(self.certain.take().map(|certain| (certain, 0.0)));
+        }
+        self.before = self
+            .before
+            .filter(|(_, since)| *since < KEPT)
+            .map(|(before, since)| (before.advance(gyro_i, specific_force_i, dt), since + dt));
         let Some(missed) = missed.filter(|_| dt < GAP) else {
             self.struck();
             self.doubt.miss();
@@ -208,7 +235,7 @@ impl CaptureWatch {
 
     /// A blow, or invalid readings of the IMU: the state can be wrong until poses have corrected it.
     pub(super) fn struck(&mut self) {
-        (self.window, self.settles) = (None, SETTLES);
+        (self.window, self.settles, self.certain) = (None, SETTLES, None);
     }
 
     /// Once a tick of `dt` s: poses correct the state after a blow. Without poses nothing corrects it.
@@ -236,6 +263,8 @@ impl CaptureWatch {
         if self.settles > 0.0 {
             return None;
         }
+        let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
+        self.certain = Some(Navigation { gyro_bias_i, accelerometer_bias_i, ..state });
         if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
             // The gyro's bias, as poses have shown it since then.
             rest.gyro_bias_i = state.gyro_bias_i;
@@ -269,7 +298,7 @@ impl CaptureWatch {
             let reckoned = Navigation { rotation_wi, ..fresh.reckoned };
             self.window = Some(Window { reckoned, ..fresh });
             if !contradicts {
-                self.excused = 0;
+                (self.excused, self.before) = (0, None);
                 let (gyro_bias_i, accelerometer_bias_i) = (state.gyro_bias_i, state.accelerometer_bias_i);
                 rest.gyro_bias_i += BIASES_FOLLOW * (gyro_bias_i - rest.gyro_bias_i);
                 rest.accelerometer_bias_i +=
@@ -291,11 +320,8 @@ impl CaptureWatch {
             return None;
         }
         self.lies = true;
-        Some(Verdict::PosesLie(Contradiction {
-            reckoned: window.reckoned,
-            estimate: state,
-            from_w: window.from_w,
-        }))
+        let found = Contradiction { reckoned: window.reckoned, estimate: state, from_w: window.from_w };
+        Some(Verdict::PosesLie(found, self.before.take().map_or(window.reckoned, |(before, _)| before)))
     }
 
     /// Whether an error of the gyro explains that the attitude by the gyro is `apart_i` rad, IMU axes, away from that

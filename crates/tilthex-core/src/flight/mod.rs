@@ -24,6 +24,7 @@ mod model;
 mod motor_check;
 mod orders;
 mod own_poses;
+mod probation;
 mod record;
 mod rest;
 mod room;

@@ -64,7 +64,7 @@ impl Flight {
             let dt = (s.time - last).max(0.0);
             let (gyro_i, force_i) = self.estimator.corrected(quality, &s.gyro_i, &s.specific_force_i);
             self.lift_off.feel(&self.estimator.navigation(), &force_i, s.time, dt);
-            self.capture.feel(&gyro_i, &force_i, self.estimator.missed_velocity(dt), dt);
+            self.capture.feel(&gyro_i, &force_i, self.estimator.missed_velocity(dt), (s.time, dt));
             self.feel_own(&force_i, rotor_speeds, s.time, dt);
             last = s.time;
         }
@@ -114,8 +114,10 @@ impl Flight {
                 }
                 let pose = self.lift_off.corrected(pose);
                 self.see_own(&pose);
-                if !self.capture.lies() {
-                    self.estimator.update_pose(&self.own_poses.placed(&pose));
+                let placed = self.own_poses.placed(&pose);
+                let now = self.estimator.time();
+                if !self.capture.lies() && self.capture.continues(&self.estimator.pose_of_imu(&placed), now) {
+                    self.estimator.update_pose(&placed);
                 }
             } else if pose.tracking_valid && pose.is_finite() {
                 // Until the start succeeds, the operator gets this reason.
@@ -155,8 +157,8 @@ impl Flight {
         let robot = self.estimator.robot_state();
         let external_r = output.contact(&robot, &self.control.bias_r);
         match self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)? {
-            Verdict::PosesLie(found) => {
-                self.estimator.go_on_from(found.reckoned);
+            Verdict::PosesLie(found, state) => {
+                self.estimator.go_on_from(state);
                 self.take_state();
                 conditions.insert_if(Fault::PoseContradicts, true);
                 Some(found)
