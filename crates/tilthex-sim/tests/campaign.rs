@@ -283,6 +283,17 @@ fn false_poses_that_begin_while_the_program_stands_still_lead_no_vehicle_away() 
     none_fails(&[(2162919, &[stopped, other])]);
 }
 
+/// Without IMU and poses a vehicle that nothing pushes keeps its attitude for a second.
+#[test]
+fn a_vehicle_that_neither_feels_nor_sees_stays_upright_for_a_second() {
+    let pair = |(k, after)| {
+        let unseen = [Kind::CaptureLost, Kind::CaptureDefault, Kind::CaptureOtherBody][k % 3];
+        let unfelt = if k < 3 { Kind::ImuFrozen } else { Kind::ImuSaturated };
+        [fault(unfelt, 1.0, 2.0, 0.5, k), fault(unseen, 1.0 + after, 1.2, 0.5, k)]
+    };
+    all_stand(31, each(0..6, &[0.2, 0.4, 0.7]).map(pair));
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]

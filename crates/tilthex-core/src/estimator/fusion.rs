@@ -1,7 +1,8 @@
 //! Applies samples and poses to the filter: each at its time, in order, in a bounded number of steps per tick.
 
 use super::{
-    Estimator, MODEL_NOISE, Outcome, POSITION_LIMIT, PoseReport, Quality, SHAKEN_NOISE, STEPS_PER_TICK,
+    CALM_NOISE, Estimator, MODEL_NOISE, Outcome, POSITION_LIMIT, PoseReport, Quality, ROUGH, SHAKEN_NOISE,
+    STEPS_PER_TICK,
     coarse::Coarse,
     history::{GAP, ImuEntry, PoseEntry},
     leaps::roughened,
@@ -262,6 +263,7 @@ impl Estimator {
     /// The filter for an interval of this length before a sample.
     pub(super) fn filter_over(&self, number: u64, length: f64) -> Ukf {
         match self.samples.get(number).quality {
+            Quality::Modelled if self.samples.get(number).time > self.rough => Ukf::unchecked(CALM_NOISE),
             Quality::Modelled => Ukf::unchecked(MODEL_NOISE),
             Quality::Measured if length <= GAP => {
                 let sample = self.samples.get(number);
@@ -279,6 +281,9 @@ impl Estimator {
     /// Counts the outcome of a pose when it is applied for the first time.
     fn note(&mut self, pose: &PoseEntry, report: &PoseReport) {
         self.nis = report.nis / 6.0;
+        if report.nis > ROUGH.1 {
+            self.rough = pose.time + ROUGH.0;
+        }
         let bounded = report.nis.min(self.derived.gate_pose).min(MOST_NIS) / 6.0;
         self.nis_mean += NIS_SHARE * (bounded - self.nis_mean);
         let counts = &mut self.counts;
@@ -348,7 +353,7 @@ mod tests {
     /// The filter with these noises is made without a check.
     #[test]
     fn noises_of_shaken_and_modelled_samples_are_valid() {
-        for noise in [MODEL_NOISE, SHAKEN_NOISE, over_gap(0.02), over_gap(9.0)] {
+        for noise in [MODEL_NOISE, CALM_NOISE, SHAKEN_NOISE, over_gap(0.02), over_gap(9.0)] {
             assert!(Ukf::new(noise).is_ok(), "{noise:?}");
         }
     }

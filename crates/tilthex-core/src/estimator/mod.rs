@@ -58,6 +58,11 @@ const SHAKEN_NOISE: ProcessNoise =
 const MODEL_NOISE: ProcessNoise =
     ProcessNoise { gyro: 0.05, accelerometer: 0.3, gyro_bias: 1.0, accelerometer_bias: 1e-3 };
 
+/// As [`MODEL_NOISE`], while poses agree with the model: no unknown torque turns the vehicle.
+const CALM_NOISE: ProcessNoise = ProcessNoise { gyro_bias: 0.1, ..MODEL_NOISE };
+/// The model is not calm for this time, s, after a pose whose normalised innovation squared is larger than the second.
+const ROUGH: (f64, f64) = (0.7, 25.0);
+
 /// Where an inertial sample comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Quality {
@@ -148,6 +153,8 @@ pub struct Estimator {
     has_latency: bool,
     nis: f64,
     nis_mean: f64,
+    /// Until this time, s, poses have surprised.
+    rough: f64,
     counts: Counts,
 }
 
@@ -188,6 +195,7 @@ impl Estimator {
             has_latency: false,
             nis: 0.0,
             nis_mean: 1.0,
+            rough: 0.0,
             counts: Counts::default(),
             derived,
             params,
@@ -256,6 +264,11 @@ impl Estimator {
         let kept = (self.head.kept_bias, self.current_kept_bias);
         self.go_on(self.navigation(), &InitialDeviation { position: UNFELT.0, velocity: UNFELT.1, ..known });
         (self.head.kept_bias, self.current_kept_bias) = kept;
+    }
+
+    /// Something pushes the vehicle while a model replaces the IMU: its torque may change.
+    pub(crate) fn expect_torques(&mut self) {
+        self.rough = self.now() + ROUGH.0;
     }
 
     /// The pose of the IMU that follows from a captured one, at the time at which it was captured.

@@ -9,6 +9,8 @@ use crate::{
 /// Time constant of the external torque that lasts, s. A blow is shorter, and an IMU that freezes in a turn shows a torque that
 /// is none for 50 ms.
 const LASTS: f64 = 0.7;
+/// A vehicle is pushed by a torque above this, N m.
+const PUSHED: f64 = 0.1;
 /// How fast the torque follows the corrections of the angular velocity by poses, 1/s.
 const FOLLOWS: f64 = 20.0;
 /// It follows late poses more slowly: by at most this part of a correction in the age of the pose.
@@ -19,12 +21,29 @@ const SHARE: f64 = 0.5;
 pub(super) struct ImuModel {
     /// Mean of the external torque about the centre of mass, N m, robot axes.
     torque_r: Vector3,
+    /// The torque that the IMU has shown last.
+    last_r: Vector3,
 }
 
 impl ImuModel {
     /// Takes the external torque that the IMU has shown, N m, robot axes, over `dt` s.
     pub(super) fn feel(&mut self, torque_r: &Vector3, dt: f64) {
         self.torque_r += (torque_r - self.torque_r) * (dt / LASTS).min(1.0);
+        self.last_r = *torque_r;
+    }
+
+    /// The model begins to replace the IMU: a torque that has already ended does not go on. Returns whether one goes on.
+    pub(super) fn begin(&mut self) -> bool {
+        self.torque_r = self.torque_r.zip_map(&self.last_r, |mean, last| {
+            if mean * last <= 0.0 {
+                0.0
+            } else if last.abs() < mean.abs() {
+                last
+            } else {
+                mean
+            }
+        });
+        self.torque_r.norm() > PUSHED
     }
 
     /// Takes the change of the angular momentum, N m s, robot axes, by which poses have corrected the model: the torque has been

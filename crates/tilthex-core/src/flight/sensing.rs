@@ -78,6 +78,9 @@ impl Flight {
             self.imu_model.feel(&external.torque, dt);
         }
         if samples.is_empty() && late && self.supervisor.phase().in_flight() {
+            if !modelled && self.imu_model.begin() {
+                self.estimator.expect_torques();
+            }
             let state = self.estimator.robot_state();
             let model = self.imu_model.sample(&self.params.vehicle, &state, rotor_speeds, &external, dt);
             expected_i = Some(model.gyro_i);
