@@ -95,7 +95,9 @@ mod tests {
             for k in 1..300 {
                 let time = 0.002 * f64::from(k);
                 let rate_i = Vector3::new(rate, 0.3 * rate, -rate);
-                [&mut own, &mut others, &mut near].map(|p| p.feel(&rate_i, time, 0.002));
+                for probation in [&mut own, &mut others, &mut near] {
+                    probation.feel(&rate_i, time, 0.002);
+                }
                 if k % 5 == 0 {
                     let taken = time - 0.01;
                     let mut pose = |place: f64, rate_i: Vector3| PoseSample {
