@@ -52,7 +52,15 @@ def numpy_run(duration: float) -> np.ndarray:
 
 def rust_run(duration: float, **options: object) -> np.ndarray:
     push = {"at": 0.0, "duration": duration, "force": PUSH}
-    run = tilthex.simulate(CONFIG, duration=duration, setpoint=HOME, pushes=[push], noise=0, **options)
+    run = tilthex.simulate(
+        CONFIG,
+        duration=duration,
+        setpoint=HOME,
+        pushes=[push],
+        noise=0,
+        record=["tool_position"],
+        **options,
+    )
     return run["tool_position"][-1]
 
 
@@ -75,6 +83,27 @@ def compiled_row(r: np.ndarray, zero: np.ndarray, up: np.ndarray, speeds: np.nda
     ours = instructions.microseconds("controller tick")
     name = "controller tick, compiled (beside numba, Euler)"
     print(f"{name:48s} {ours:10.2f} {loop:10.2f} {loop / ours:10.2f}")
+
+
+def many_rows(numpy_step: float) -> None:
+    """Prints the time of a world and period of `simulate_many` on one core and on two, and their ratio."""
+    worlds, periods = 1000, 250
+
+    def fly(workers: int) -> None:
+        tilthex.simulate_many(
+            CONFIG,
+            seeds=range(worlds),
+            duration=0.002 * periods,
+            setpoint=HOME,
+            noise=0,
+            estimator=False,
+            workers=workers,
+        )
+
+    one, two = (best(lambda workers=workers: fly(workers), 1) / (worlds * periods) for workers in (1, 2))
+    row("simulate_many, a world and period, one core", one, numpy_step)
+    row("the same on two cores", two, numpy_step)
+    print(f"{'  two cores beside one, times as fast':48s} {one / two:10.2f}")
 
 
 def main() -> None:
@@ -116,6 +145,7 @@ def main() -> None:
         best(lambda: rust_run(0.002 * steps), 1) / steps,
         numpy_step,
     )
+    many_rows(numpy_step)
     print()
     ukf.main()
     print()

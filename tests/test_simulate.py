@@ -79,6 +79,16 @@ def test_a_seed_is_a_flight():
     assert runs[0]["position"].tobytes() != runs[2]["position"].tobytes()
 
 
+def test_only_what_is_asked_for_is_recorded():
+    whole = tilthex.simulate(CONFIG, duration=0.2, setpoint=HOME)
+    part = tilthex.simulate(CONFIG, duration=0.2, setpoint=HOME, record=("tool_position", "phase"))
+    assert part.keys() == {"tool_position", "phase"}
+    assert all(part[name].tobytes() == whole[name].tobytes() for name in part)
+    assert part.faults == whole.faults
+    with pytest.raises(ValueError, match='record has "tool"; expected any of time, position'):
+        tilthex.simulate(CONFIG, duration=0.2, setpoint=HOME, record=["tool"])
+
+
 def test_the_whole_run_is_the_blocks_one_by_one():
     """The loop in Rust and a loop in Python over Controller and Plant are the same numbers."""
     push = {"at": 0.1, "duration": 5.0, "force": [1.0, -0.5, 2.0], "torque": [0.1, 0.3, -0.2]}

@@ -72,6 +72,7 @@ def simulate(
     truth: Truth | str | os.PathLike[str] | dict[str, Any] | None,
     seed: int,
     flight: dict[str, Any],
+    record: Sequence[str] | None,
 ) -> tuple[dict[str, _Array], list[tuple[float, str, bool]]]: ...
 def simulate_many(
     configs: Sequence[Config],

@@ -60,7 +60,7 @@ class Run(dict[str, NDArray[np.float64]]):
     """The faults of the flight that began and ended, in the order of their times."""
 
     def to_dataframe(self) -> pd.DataFrame:
-        """A table with one column per number, named `position_0`, ..., and indexed by time.
+        """A table with one column per number, named `position_0`, ..., and indexed by time, if it was recorded.
 
         Needs pandas.
         """
@@ -71,8 +71,8 @@ class Run(dict[str, NDArray[np.float64]]):
             for name, array in self.items()
             for k in range(array.shape[1])
         }
-        frame: pd.DataFrame = pd.DataFrame(columns).set_index("time")
-        return frame
+        frame = pd.DataFrame(columns)
+        return frame.set_index("time") if "time" in frame else frame
 
 
 def simulate(
@@ -90,6 +90,7 @@ def simulate(
     pose_delay: float = 0.015,
     start: str = "air",
     truth: Truth = None,
+    record: Sequence[str] | None = None,
 ) -> Run:
     """Flies the flight of `tilthex-rt` on the simulated vehicle, in Rust and without the GIL.
 
@@ -114,6 +115,7 @@ def simulate(
         truth: How the true vehicle differs from the vehicle of `config`, which the controller uses: a
             level ("exact", "measured", "cad", "outdoors"), a TOML file with a `[truth]` table, or its
             keys. The vehicle is drawn with `seed`; `Truth(config.vehicle, truth).draw(seed)` returns it.
+        record: The columns of `Run` that are kept; all if it is not given.
     """
     flight = {
         "duration": duration,
@@ -128,7 +130,7 @@ def simulate(
         "start": start,
     }
     _check_kinds(flight)
-    columns, faults = _core.simulate(config, truth, seed, flight)
+    columns, faults = _core.simulate(config, truth, seed, flight, None if record is None else list(record))
     run = Run(columns)
     run.faults = [FaultChange(*fault) for fault in faults]
     return run
@@ -137,7 +139,7 @@ def simulate(
 _COMMON = {
     name: parameter.default
     for name, parameter in inspect.signature(simulate).parameters.items()
-    if name not in ("config", "seed", "truth")
+    if name not in ("config", "seed", "truth", "record")
 }
 """The arguments that the flights of `simulate_many` have in common, and their defaults."""
 

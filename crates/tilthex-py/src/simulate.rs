@@ -10,7 +10,7 @@ use tilthex_config::{Config as Checked, TruthSection};
 use tilthex_core::{flight::Route, plant::SensorParams};
 use tilthex_sim::{
     pushes::{Push, Pushes},
-    simulate::{NAMES, Outcome, Record, Scenario, Start, Summary, run, run_many},
+    simulate::{NAMES, Outcome, Record, Scenario, Start, Summary, run, run_many, run_recording},
 };
 
 type Columns<'py> = Bound<'py, PyDict>;
@@ -75,8 +75,8 @@ impl Common<'_> {
 }
 
 /// Simulates a whole flight: the vehicle, its noisy sensors, and the flight of `tilthex-rt`. `flight` has the other arguments
-/// of `tilthex.simulate`. Returns a dict of (N, k) arrays, one row per control period of 2 ms, and the faults that began
-/// (true) or ended (false), each with its time, s, and its name.
+/// of `tilthex.simulate`; `record` names the columns, all if it is missing. Returns a dict of (N, k) arrays, one row per control
+/// period of 2 ms, and the faults that began (true) or ended (false), each with its time, s, and its name.
 #[pyfunction]
 pub(crate) fn simulate<'py>(
     py: Python<'py>,
@@ -84,11 +84,23 @@ pub(crate) fn simulate<'py>(
     truth: Option<&Bound<'py, PyAny>>,
     seed: &Bound<'py, PyAny>,
     flight: Common<'py>,
+    record: Option<Vec<String>>,
 ) -> PyResult<(Columns<'py>, FaultChanges)> {
+    known(record.as_deref().unwrap_or_default())?;
     let scenario = flight.scenario(&config.checked, truth::section(truth)?, convert::seed(seed)?)?;
-    let record = py.detach(|| run(&scenario)).map_err(convert::config_error)?;
+    let fly = || record.as_ref().map_or_else(|| run(&scenario), |wanted| run_recording(&scenario, wanted));
+    let record = py.detach(fly).map_err(convert::config_error)?;
     let faults = record.faults().iter().map(|change| (change.time, change.name, change.begins)).collect();
     Ok((columns(py, &[&record], false)?, faults))
+}
+
+/// Refuses the name of a column that there is not.
+fn known(record: &[String]) -> PyResult<()> {
+    let unknown = record.iter().find(|name| !NAMES.contains(&name.as_str()));
+    unknown.map_or(Ok(()), |unknown| {
+        let known = NAMES.join(", ");
+        Err(PyValueError::new_err(format!("record has {unknown:?}; expected any of {known}")))
+    })
 }
 
 /// Simulates many flights in `workers` threads: one flight for each of `configs`, `truths` and `seeds`, which have
@@ -106,10 +118,7 @@ pub(crate) fn simulate_many<'py>(
     workers: Option<usize>,
     progress: Option<Bound<'py, PyAny>>,
 ) -> PyResult<(Columns<'py>, Columns<'py>)> {
-    if let Some(unknown) = record.iter().find(|name| !NAMES.contains(&name.as_str())) {
-        let known = NAMES.join(", ");
-        return Err(PyValueError::new_err(format!("record has {unknown:?}; expected any of {known}")));
-    }
+    known(&record)?;
     let configs: Vec<Checked> = configs.iter().map(|config| config.checked.clone()).collect();
     let scenarios = configs.iter().zip(&truths).zip(&seeds);
     let scenarios = scenarios.map(|((config, truth), seed)| {

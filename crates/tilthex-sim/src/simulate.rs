@@ -73,6 +73,14 @@ pub fn run(scenario: &Scenario<'_>) -> Result<Record, ConfigError> {
     fly(scenario, &mut Prepared::default(), |_| true, |_| ())
 }
 
+/// Simulates a scenario, and records only the quantities of `wanted`, by their [`NAMES`].
+///
+/// # Errors
+/// As [`run`].
+pub fn run_recording(scenario: &Scenario<'_>, wanted: &[String]) -> Result<Record, ConfigError> {
+    fly(scenario, &mut Prepared::default(), |name| wanted.iter().any(|w| w == name), |_| ())
+}
+
 /// Simulates a scenario, records the `wanted` quantities, and shows each tick.
 fn fly<'c>(
     scenario: &Scenario<'c>,
