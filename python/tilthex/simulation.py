@@ -60,7 +60,7 @@ class Run(dict[str, NDArray[np.float64]]):
     """The faults of the flight that began and ended, in the order of their times."""
 
     def to_dataframe(self) -> pd.DataFrame:
-        """A table with one column per number, named `position_0`, ..., and indexed by time, if it was recorded.
+        """A table with one column per number, named `position_0`, ..., indexed by a recorded time.
 
         Needs pandas.
         """
