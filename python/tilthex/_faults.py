@@ -140,7 +140,7 @@ FAULTS = (
         "pose jumping",
         "refuse",
         "hold",
-        "refused poses do not count as poses",
+        "refused poses do not count as poses; if they accelerate as the vehicle does, the state is taken from them",
     ),
     Fault(
         "estimate inconsistent",
@@ -314,7 +314,7 @@ FAULTS = (
         "pose contradicts the IMU",
         "refuse",
         "land",
-        "poses are not used any more; lands with IMU and model; check that the tracked body is the vehicle's, and the latency of its poses",
+        "poses are not used until they accelerate as the vehicle does; lands with IMU and model; check that the tracked body is the vehicle's, and the latency of its poses",
     ),
     Fault(
         "motor order",
