@@ -8,7 +8,9 @@
 
 use super::Flight;
 use crate::{
-    GRAVITY, so3,
+    GRAVITY,
+    ring::Ring,
+    so3,
     types::{Matrix3, PoseSample, RotorVector, Vector3},
     ukf::Navigation,
 };
@@ -114,10 +116,9 @@ pub(super) struct Own {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct OwnPoses {
     sum: Felt,
-    felt: [Felt; FELT],
+    felt: Ring<Felt, FELT>,
     last: Option<Last>,
-    /// The newest first.
-    seen: [Option<Seen>; SEEN],
+    seen: Ring<Option<Seen>, SEEN>,
     /// Time of the first pose after the last one that was used, s, and its position minus that of the state, m, world.
     begin: Option<(f64, Vector3)>,
     /// The displacement of poses that was found, m, world.
@@ -128,9 +129,9 @@ impl Default for OwnPoses {
     fn default() -> Self {
         Self {
             sum: Felt::NOTHING,
-            felt: [Felt::NOTHING; FELT],
+            felt: Ring::new(Felt::NOTHING),
             last: None,
-            seen: [None; SEEN],
+            seen: Ring::new(None),
             begin: None,
             displaced_w: Vector3::zeros(),
         }
@@ -145,11 +146,8 @@ impl OwnPoses {
             *gained += force * dt;
         }
         self.sum.time = time;
-        if self.felt.first().is_some_and(|newest| time - newest.time >= FELT_EVERY) {
-            self.felt.rotate_right(1);
-            if let Some(newest) = self.felt.first_mut() {
-                *newest = self.sum;
-            }
+        if self.felt.iter().next().is_some_and(|newest| time - newest.time >= FELT_EVERY) {
+            self.felt.push(self.sum);
         }
     }
 
@@ -159,7 +157,7 @@ impl OwnPoses {
         if time > later.time {
             return None;
         }
-        for earlier in &self.felt {
+        for earlier in self.felt.iter() {
             if earlier.time <= time {
                 let between = later.time - earlier.time;
                 let part = if between > 0.0 { (time - earlier.time) / between } else { 0.0 };
@@ -219,7 +217,7 @@ impl OwnPoses {
                 track.go(&(rotation * (to - from)), dt);
             }
         } else {
-            (self.seen, self.begin) = ([None; SEEN], None);
+            (self.seen, self.begin) = (Ring::new(None), None);
             // Poses have leapt back to where the state is.
             if off_w.norm() < DISPLACED {
                 self.displaced_w = Vector3::zeros();
@@ -229,11 +227,15 @@ impl OwnPoses {
             self.begin = Some((pose.time, off_w));
         }
         self.last = Some(Last { rotation_wi, felt, seen });
-        if self.seen.first().copied().flatten().is_none_or(|newest| pose.time - newest.time >= EVERY - 1e-4) {
-            self.seen.rotate_right(1);
-            if let Some(newest) = self.seen.first_mut() {
-                *newest = Some(seen);
-            }
+        if self
+            .seen
+            .iter()
+            .next()
+            .copied()
+            .flatten()
+            .is_none_or(|newest| pose.time - newest.time >= EVERY - 1e-4)
+        {
+            self.seen.push(Some(seen));
         }
     }
 
