@@ -138,7 +138,6 @@ PAGES = (
         "Processor time of the estimator",
         ("python -m benchmarks.ukf", "cargo bench --locked --quiet -p tilthex-core --bench ukf"),
     ),
-    Page("bench", "The laws and the closed loop beside NumPy and numba", ("make --silent bench",)),
     Page(
         "margins",
         "Margins of the default and the derived gains",

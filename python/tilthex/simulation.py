@@ -71,8 +71,10 @@ class Run(dict[str, NDArray[np.float64]]):
             for name, array in self.items()
             for k in range(array.shape[1])
         }
-        frame = pd.DataFrame(columns)
-        return frame.set_index("time") if "time" in frame else frame
+        frame: pd.DataFrame = pd.DataFrame(columns)
+        if "time" in frame:
+            frame = frame.set_index("time")
+        return frame
 
 
 def simulate(
