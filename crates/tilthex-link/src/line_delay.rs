@@ -15,6 +15,13 @@ const SLOWLY: f64 = 0.3;
 /// Time constant, s, with which the usual delay follows earlier arrivals.
 const QUICKLY: f64 = 0.02;
 
+/// A host that reads nothing for longer than this, s, stands still. Samples that have waited for it are read for at most the second, s,
+/// and say nothing about the line.
+const STANDS: (f64, f64) = (0.05, 0.05);
+
+/// A line is late by at most this, s, where it delays what has waited.
+const LONGEST: f64 = 0.1;
+
 /// Compares arrival times with the times that follow from the sample numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDelay {
@@ -22,6 +29,8 @@ pub struct LineDelay {
     usual: Option<(f64, f64)>,
     /// The time since which the line has looked different from its present state, s.
     since: Option<f64>,
+    /// When the host last went on after it had stood still, s, and for how long it had, s.
+    stood: Option<(f64, f64)>,
     late: bool,
     delay: f64,
 }
@@ -36,6 +45,15 @@ impl LineDelay {
             return 0.0;
         };
         let excess = found - usual;
+        let passed = (arrival - last).max(0.0);
+        if passed > STANDS.0 {
+            self.stood = Some((arrival, passed));
+        }
+        let waited = |(end, length): (f64, f64)| arrival - end < STANDS.1 && excess < length + LONGEST;
+        if excess > 0.0 && self.stood.is_some_and(waited) {
+            self.usual = Some((usual, arrival));
+            return self.delay;
+        }
         if !(-NUMBERED_ANEW..=NUMBERED_ANEW).contains(&excess) {
             *self = Self { usual: Some((found, arrival)), ..Self::default() };
             return 0.0;
@@ -48,7 +66,6 @@ impl LineDelay {
         }
         self.delay = if self.late { excess.max(0.0) } else { 0.0 };
         // A late sample does not change the usual delay. A host that was stopped reads many samples at once.
-        let passed = (arrival - last).max(0.0);
         let constant = if excess > 0.0 { SLOWLY } else { QUICKLY };
         let share = if self.late && excess > 0.0 { 0.0 } else { (passed / constant).min(1.0) };
         self.usual = Some((usual + share * excess, arrival));
@@ -72,6 +89,30 @@ mod tests {
         assert!(seen[..1000].iter().all(|d| *d == 0.0));
         assert!(seen[1100..4000].iter().all(|d| (0.025..0.041).contains(d)), "{:?}", &seen[1100..1110]);
         assert!(seen[4600..].iter().all(|d| *d == 0.0));
+    }
+
+    /// A host that stands still hides neither the begin of a delay, nor is it one.
+    #[test]
+    fn a_delay_that_begins_while_the_host_stands_still_is_seen() {
+        for (stands, late) in
+            [(0.06, 0.04), (0.2, 0.04), (0.39, 0.038), (0.5, 0.02), (0.1, 0.0), (0.3, 0.0), (0.5, 0.0)]
+        {
+            let mut line = LineDelay::default();
+            let goes_on = 9.0 + stands;
+            let mut seen = 0.0_f64;
+            for k in 0..3000 {
+                let made = f64::from(k) * 2e-3;
+                let arrives = 7.0 + made + if made > 2.0 { late } else { 0.0 };
+                let read = if arrives > 9.0 { arrives.max(goes_on) } else { arrives };
+                seen = line.step(made, read);
+                assert!(late > 0.0 || seen == 0.0, "{stands} {made} {seen}");
+                assert!(
+                    late == 0.0 || made < 2.2 + stands || (seen - late).abs() < 0.01,
+                    "{stands} {made} {seen}"
+                );
+            }
+            assert!((seen - late).abs() < 0.01);
+        }
     }
 
     #[test]

@@ -294,6 +294,16 @@ fn a_vehicle_that_neither_feels_nor_sees_stays_upright_for_a_second() {
     all_stand(31, each(0..6, &[0.2, 0.4, 0.7]).map(pair));
 }
 
+/// A line that becomes late while the program stands still is found to be late.
+#[test]
+fn a_line_that_becomes_late_unseen_is_late() {
+    let pair = |(k, after)| {
+        let late = fault(Kind::LineLate, 1.0 + after, 2.0, 0.7 + 0.03 * k as f64, k);
+        [fault(Kind::Stopped, 1.0, 0.2, 0.78, 0), late]
+    };
+    all_stand(37, each(0..5, &[0.05, 0.16, 0.25]).map(pair));
+}
+
 /// No law acts while no command reaches the vehicle, and a vehicle without a rotor balances no push: neither is judged as the
 /// flight of a vehicle that can carry itself.
 #[test]
