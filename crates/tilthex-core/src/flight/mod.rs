@@ -55,7 +55,7 @@ use crate::{
     model_learning::ModelPrior,
     plant::LARGEST_ROTOR_SPEED_AGE,
     supervisor::{Facts, Fault, Phase, Supervisor, limits::LINE_LATE},
-    types::{RotorVector, Setpoint, Vector3, Wrench},
+    types::{RotorVector, Vector3, Wrench},
 };
 use bounds::Bounds;
 use capture::CaptureWatch;
@@ -399,18 +399,6 @@ impl Flight {
                 self.output = None;
             }
             Phase::Flying | Phase::Holding => {}
-        }
-    }
-
-    /// Pose and twist of the tool.
-    fn actual_tool(&self) -> Setpoint {
-        let (tool, robot) = (self.params.vehicle.tool(), self.robot_state());
-        let lever_w = robot.rotation_wr * tool.position_r;
-        let angular_velocity_w = robot.rotation_wr * robot.angular_velocity_r;
-        Setpoint {
-            velocity_w: robot.velocity_w + angular_velocity_w.cross(&lever_w),
-            angular_velocity_w,
-            ..Setpoint::hold(robot.position_w + lever_w, robot.rotation_wr * tool.rotation_r)
         }
     }
 }

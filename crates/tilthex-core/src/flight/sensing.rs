@@ -11,7 +11,7 @@ use crate::{
     estimator::{Estimator, Quality},
     so3,
     supervisor::{Fault, FaultSet, Phase, limits::IMU_LATE},
-    types::{RobotState, RotorVector, Vector3},
+    types::{RobotState, RotorVector, Setpoint, Vector3},
 };
 
 /// A larger correction of the estimate than this in a tick, m and rad, is a jump.
@@ -33,6 +33,18 @@ impl Flight {
     /// Specific force at the centre of mass, m/s^2, robot: the estimator's, or the known one.
     pub(super) fn specific_force_r(&self) -> Vector3 {
         self.state.specific_force_r
+    }
+
+    /// Pose and twist of the tool.
+    pub(super) fn actual_tool(&self) -> Setpoint {
+        let (tool, robot) = (self.params.vehicle.tool(), self.robot_state());
+        let lever_w = robot.rotation_wr * tool.position_r;
+        let angular_velocity_w = robot.rotation_wr * robot.angular_velocity_r;
+        Setpoint {
+            velocity_w: robot.velocity_w + angular_velocity_w.cross(&lever_w),
+            angular_velocity_w,
+            ..Setpoint::hold(robot.position_w + lever_w, robot.rotation_wr * tool.rotation_r)
+        }
     }
 
     fn newest_state(&self) -> KnownState {
