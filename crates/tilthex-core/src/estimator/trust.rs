@@ -156,13 +156,8 @@ impl Trust {
 
     /// Whether the pose before was surprising too, and agrees with this one.
     pub(super) fn repeats(&self, said: &Said, noises: (f64, f64)) -> bool {
-        let before = self.said.last().filter(|_| self.is_surprised());
+        let before = self.said.last().filter(|_| self.in_a_row > 0);
         before.is_some_and(|before| said.agrees(before, noises))
-    }
-
-    /// Whether the pose before was surprising.
-    pub(super) fn is_surprised(&self) -> bool {
-        self.in_a_row > 0
     }
 
     /// The initial trust with an accepted pose at this time, but with what has been learnt about the noise of poses.

@@ -156,9 +156,7 @@ impl Estimator {
         let most = if doubtful { MOST_DOUBT_SHAKEN } else { MOST_DOUBT };
         let doubt = self.doubt_for(measured, surprise, gate, most);
         let needed = noise.map_or(f64::INFINITY, |(position, rotation)| position.max(rotation));
-        // Poses that differ from the state and from each other are noisy.
-        let alone = !self.head.trust.is_surprised();
-        let doubt = doubt.filter(|doubt| repeated || doubtful || alone && NEARER * doubt < needed);
+        let doubt = doubt.filter(|doubt| repeated || doubtful || NEARER * doubt < needed);
         if doubt.is_some() && self.head.trust.contradicts() {
             // One pose alone would change the velocity too much. Several poses together show the velocity.
             let uncertain = Missed { position: f64::INFINITY, velocity: self.undoubted() };
