@@ -138,6 +138,7 @@ PAGES = (
         "Processor time of the estimator",
         ("python -m benchmarks.ukf", "cargo bench --locked --quiet -p tilthex-core --bench ukf"),
     ),
+    Page("bench", "The laws and the closed loop beside NumPy and numba", ("python -m benchmarks",)),
     Page(
         "margins",
         "Margins of the default and the derived gains",
