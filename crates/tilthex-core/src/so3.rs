@@ -37,7 +37,7 @@ pub fn vee(m: &Matrix3) -> Vector3 {
 
 /// The sum of `coefficients[k] x^k`.
 #[inline]
-pub(crate) fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
+fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
     coefficients.into_iter().rev().reduce(|sum, c| sum * x + c).unwrap_or(0.0)
 }
 

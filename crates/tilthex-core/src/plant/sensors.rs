@@ -8,7 +8,7 @@ use super::{
 use crate::{
     Error,
     error::check_range,
-    random::Normals,
+    random::Random,
     so3,
     types::{Matrix3, RotorVector, Vector3},
 };
@@ -109,7 +109,7 @@ pub struct ImuSample {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
     params: SensorParams,
-    noise: Normals,
+    random: Random,
     angles: Angles,
     past: Past,
     vibration_i: Vector3,
@@ -121,7 +121,7 @@ impl Sensors {
     pub fn new(params: SensorParams, seed: u64) -> Self {
         Self {
             params,
-            noise: Normals::new(seed),
+            random: Random::new(seed),
             angles: Angles::default(),
             past: Past::default(),
             vibration_i: Vector3::zeros(),
@@ -149,21 +149,21 @@ impl Sensors {
         let turned = truth.gyro_i - p.gyro_misalignment_i.cross(&truth.gyro_i);
         let scaled = turned + p.gyro_scale_i.component_mul(&turned);
         ImuSample {
-            gyro_i: scaled + p.gyro_bias_i + self.noise.three(p.gyro),
+            gyro_i: scaled + p.gyro_bias_i + self.random.normal3(p.gyro),
             specific_force_i: truth.specific_force_i
                 + self.vibration_i
                 + p.accelerometer_bias_i
-                + self.noise.three(p.accelerometer),
+                + self.random.normal3(p.accelerometer),
         }
     }
 
     /// The captured pose: position (m, W) of the captured point, rotation (R to W).
     pub fn pose(&mut self, state: &PlantState) -> (Vector3, Matrix3) {
-        let turn = self.noise.three(self.params.orientation);
+        let turn = self.random.normal3(self.params.orientation);
         (
             state.robot.position_w
                 + state.robot.rotation_wr * self.params.captured_r
-                + self.noise.three(self.params.position),
+                + self.random.normal3(self.params.position),
             state.robot.rotation_wr * so3::exp(&turn),
         )
     }
@@ -174,7 +174,7 @@ impl Sensors {
         let past = if age == 0.0 { None } else { self.past.at(age) };
         let mut measured = past.unwrap_or(state.rotor_speeds);
         for i in 0..plant.vehicle().rotor_count() {
-            measured[i] += self.params.rotor_speed * self.noise.one();
+            measured[i] += self.params.rotor_speed * self.random.normal();
         }
         measured
     }
