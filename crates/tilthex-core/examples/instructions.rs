@@ -57,7 +57,7 @@ fn controller_tick(count: usize, damping: f64) {
     };
     for k in 0..count {
         input.specific_force_r.z = GRAVITY + 0.001 * (k % 7) as f64;
-        // Nobody moves an output of this size to another place.
+        // By reference: the output is not copied.
         black_box(&controller.step(&mut state, black_box(&input), black_box(PERIOD)));
     }
 }

@@ -380,9 +380,7 @@ fn turned(v: &Vector6, turn: &Matrix3) -> Vector6 {
 /// Upper bound of |s| over the roots of det(s^2 + s D' + K'): with row sums,
 /// |s| <= d + k/|s| at the largest root.
 fn rate_bound(damping: &Matrix6, stiffness: &Matrix6) -> f64 {
-    let norm =
-        |m: &Matrix6| m.row_iter().map(|r| r.iter().map(|x| libm::fabs(*x)).sum::<f64>()).fold(0.0, f64::max);
-    largest_root(norm(damping), norm(stiffness))
+    largest_root(damping.largest_row_sum(), stiffness.largest_row_sum())
 }
 
 /// The positive root of s^2 = d s + k.

@@ -48,7 +48,7 @@ fn tick(c: &mut Criterion) {
     let mut state = ControllerState::default();
     c.bench_function("controller tick", |b| {
         b.iter(|| {
-            // Nobody moves an output of this size to another place.
+            // By reference: the output is not copied.
             black_box(&controller.step(&mut state, black_box(&input), PERIOD));
         });
     });

@@ -205,6 +205,7 @@ impl World {
             },
         );
         self.telemetry.hear_motors(time, &self.sensors.rotor_speeds(&self.plant, state));
+        // A motor that is heard spins, unless its command says otherwise.
         let spinning = match self.commanded.motors {
             MotorCommand::Stop | MotorCommand::Kill => Some(0..0),
             MotorCommand::Alone(one, _) => Some(one..one + 1),

@@ -38,7 +38,7 @@ impl<B: Block> Linear<B> {
     /// Prepared for periods near 2 ms.
     pub(super) fn new(mass: B, mass_inverse: B, damping_rate: B, stiffness_rate: B, fastest: f64) -> Self {
         let propagator = Propagator::new(&stiffness_rate, &damping_rate, fastest, USUAL_PERIOD);
-        let swing = libm::sqrt(stiffness_rate.row_sum());
+        let swing = libm::sqrt(stiffness_rate.largest_row_sum());
         Self { mass, mass_inverse, damping_rate, stiffness_rate, fastest, swing, propagator }
     }
 

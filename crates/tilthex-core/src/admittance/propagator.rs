@@ -21,7 +21,7 @@ pub(super) trait Block: Copy + Add<Output = Self> + Mul<f64, Output = Self> {
     /// Largest entry of the rows of rotation.
     fn most_rotation(&self) -> f64;
     /// Largest sum of the absolute entries of a row: a bound of the eigenvalues.
-    fn row_sum(&self) -> f64;
+    fn largest_row_sum(&self) -> f64;
 }
 
 impl Block for Vector6 {
@@ -41,7 +41,7 @@ impl Block for Vector6 {
     fn most_rotation(&self) -> f64 {
         self.fixed_rows::<3>(3).amax()
     }
-    fn row_sum(&self) -> f64 {
+    fn largest_row_sum(&self) -> f64 {
         self.amax()
     }
 }
@@ -63,7 +63,7 @@ impl Block for Matrix6 {
     fn most_rotation(&self) -> f64 {
         self.fixed_rows::<3>(3).amax()
     }
-    fn row_sum(&self) -> f64 {
+    fn largest_row_sum(&self) -> f64 {
         self.row_iter().map(|row| row.iter().map(|x| libm::fabs(*x)).sum()).fold(0.0, f64::max)
     }
 }

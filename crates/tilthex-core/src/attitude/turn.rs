@@ -94,18 +94,19 @@ pub struct TurnState {
 }
 
 impl TurnFilter {
-    /// Moves the turn towards a target rotation vector, wanted body coordinates, and turns the wanted reference by it. Returns
+    /// Moves the turn towards a target rotation vector, wanted body coordinates, and turns the reference, which has the wanted
+    /// attitude, by it. Returns
     /// the angular acceleration, rad/s^2, to demand in addition to the reference's, because the rotors follow with a lag.
     #[inline]
     pub(super) fn step(
         &self,
         state: &mut TurnState,
-        wanted: &mut Reference,
+        reference: &mut Reference,
         target: &Vector3,
         dt: f64,
     ) -> Vector3 {
-        Self::absorb_jump(state, wanted, dt);
-        state.wanted = Some((wanted.rotation_wr, wanted.angular_velocity_r));
+        Self::absorb_jump(state, reference, dt);
+        state.wanted = Some((reference.rotation_wr, reference.angular_velocity_r));
         let still = [&state.rate_r, &state.acceleration_r, &state.turn]
             .iter()
             .all(|v| v.norm_squared() < NONE * NONE);
@@ -115,14 +116,14 @@ impl TurnFilter {
         }
         let lead_r = if dt > 0.0 { self.advance(state, target, dt) } else { Vector3::zeros() };
         let turn = so3::exp(&state.turn);
-        let carried = turn.transpose() * wanted.angular_velocity_r;
-        *wanted = Reference {
-            rotation_wr: wanted.rotation_wr * turn,
+        let carried = turn.transpose() * reference.angular_velocity_r;
+        *reference = Reference {
+            rotation_wr: reference.rotation_wr * turn,
             angular_velocity_r: carried + state.rate_r,
-            angular_acceleration_r: turn.transpose() * wanted.angular_acceleration_r
+            angular_acceleration_r: turn.transpose() * reference.angular_acceleration_r
                 - state.rate_r.cross(&carried)
                 + state.acceleration_r,
-            ..*wanted
+            ..*reference
         };
         lead_r
     }

@@ -63,7 +63,7 @@ impl Flight {
                         (&self.params.vehicle, output.contact(&robot, &self.control.bias_r));
                     self.without_thrust = self.thrust.step(vehicle, rotor_speeds, &external, dt);
                     self.thrust_seen = (self.rotor_model.expected(), external);
-                    *self.output.get_or_insert(output) = output;
+                    self.output = Some(output);
                     if guided.learn_bias {
                         self.watch_learning();
                     }

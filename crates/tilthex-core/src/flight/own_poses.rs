@@ -3,7 +3,7 @@
 //! A wrong pose that was believed, or a sensor that went wrong, leads the state astray. It then refuses true poses, and the vehicle
 //! would fly on the wrong state until it strikes something. A frozen pose and the pose of another body do not accelerate as the
 //! vehicle does. Therefore the readings of the accelerometer, and separately the thrust of the rotors, are turned by the rotations
-//! of the poses themselves and integrated. If one of these two ways is the captured way but for a constant velocity, the poses are
+//! of the poses themselves and integrated. If one of these two ways equals the captured way, apart from a constant velocity, the poses are
 //! those of this vehicle, whatever the state says: their velocity and rotation are right, and only their position may be displaced.
 
 use super::Flight;

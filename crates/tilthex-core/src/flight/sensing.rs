@@ -140,7 +140,9 @@ impl Flight {
                     self.estimator.initialize_at_rest(pose.time, &pose.position_w, &pose.rotation_wr).err();
             }
         }
-        self.believe_own();
+        if !input.poses.is_empty() {
+            self.believe_own();
+        }
         if let Some(expected_i) = expected_i {
             // Late poses correct the model in later ticks, too.
             let vehicle = &self.params.vehicle;

@@ -8,7 +8,7 @@
 use crate::{
     Vehicle,
     supervisor::limits::{THRUST_AFTER, THRUST_MISSING, THRUST_TRIAL},
-    types::{RotorVector, Vector3, Vector6, Wrench},
+    types::{RotorVector, Vector6, Wrench},
 };
 
 /// Share of its wrench that a rotor without thrust lacks. A smaller share is a weak rotor; a larger one has another
@@ -102,15 +102,10 @@ impl ThrustWatch {
     /// Bit `i` is set if rotor `i` produces at least half of its wrench at these speeds, Hz, although the external
     /// wrench was computed with this rotor at rest.
     pub(super) fn lifting(&self, vehicle: &Vehicle, speeds: &RotorVector, external_r: &Wrench) -> u16 {
-        // A torque counts as a force at the arm.
-        let per_arm2 = 1.0 / (self.arm * self.arm);
-        let (force, torque) = (external_r.force, external_r.torque * per_arm2);
-        let columns = vehicle.allocation().as_slice().chunks_exact(6).take(vehicle.rotor_count());
-        columns.zip(speeds.as_slice()).enumerate().fold(0, |set, (rotor, (column, speed))| {
-            let [a, b, c, d, e, f] = *column else { return set };
-            let (thrust, moment) = (Vector3::new(a, b, c), Vector3::new(d, e, f));
-            let whole = thrust.norm_squared() + moment.norm_squared() * per_arm2;
-            let lifts = force.dot(&thrust) + torque.dot(&moment) > LIFTS * whole * speed * speed;
+        let found = scaled(&external_r.to_vector(), self.arm);
+        speeds.as_slice().iter().enumerate().take(vehicle.rotor_count()).fold(0, |set, (rotor, speed)| {
+            let lifts = column(vehicle, self.arm, rotor)
+                .is_some_and(|column| found.dot(&column) > LIFTS * column.norm_squared() * speed * speed);
             if lifts { set | 1 << rotor } else { set }
         })
     }
@@ -160,7 +155,7 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::types::Matrix3;
+    use crate::types::{Matrix3, Vector3};
     use proptest::prelude::*;
 
     fn vehicle() -> Vehicle {

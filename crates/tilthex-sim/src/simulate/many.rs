@@ -58,7 +58,6 @@ impl Sums {
     fn add(&mut self, world: &World) {
         let (state, flown) = (world.body.state(), &world.commanded.record);
         let (tool_w, _) = world.tool_pose();
-        let error = flown.position_error_w.norm();
         let squares = [
             flown.position_error_w.norm_squared(),
             flown.rotation_error_r.norm_squared(),
@@ -66,7 +65,7 @@ impl Sums {
             world.body.tool_wrench_w().force.norm_squared(),
         ];
         self.largest.iter_mut().zip(squares).for_each(|(largest, square)| *largest = largest.max(square));
-        self.position_error += error * error;
+        self.position_error += squares[0];
         self.upright = self.upright.min(state.robot.rotation_wr[(2, 2)]);
         self.saturated += u32::from(flown.saturated);
         self.phase = flown.phase;

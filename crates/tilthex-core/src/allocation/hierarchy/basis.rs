@@ -39,16 +39,13 @@ impl<const N: usize> Basis<N> {
             return;
         }
         let before = self.norm_squared(v);
-        self.take_out(v);
-        if self.norm_squared(v) < 0.01 * before {
-            self.take_out(v);
+        for j in 0..self.count {
+            self.subtract(j, self.coefficient(j, v), v);
         }
-    }
-
-    fn take_out(&self, v: &mut [f64; N]) {
-        for (row, masked) in self.rows.iter().zip(&self.masked).take(self.count) {
-            let coefficient = dot(masked, v);
-            v.iter_mut().zip(row).for_each(|(v, row)| *v -= coefficient * row);
+        if self.norm_squared(v) < 0.01 * before {
+            for j in 0..self.count {
+                self.subtract(j, self.coefficient(j, v), v);
+            }
         }
     }
 
