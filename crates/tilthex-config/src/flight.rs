@@ -8,7 +8,7 @@ use super::{
 };
 use tilthex_core::{
     estimator::EstimatorParams,
-    flight::{Flight, FlightParams, GuidanceParams, WatchParams},
+    flight::{FlightParams, GuidanceParams, WatchParams},
     model_learning::{Calibration, ModelPrior},
     trajectory::Limits,
 };
@@ -30,7 +30,7 @@ impl Config {
         self.link.loop_delays()
     }
 
-    /// The parameters of a flight; `take_off` starts it without a command.
+    /// The parameters of a flight; `take_off` starts it without a command. A configuration that was read makes a flight.
     ///
     /// # Errors
     /// Names the section and the key with an impossible value.
@@ -41,7 +41,7 @@ impl Config {
                 "[mission]: calibration is \"tilts\"; expected \"hover\" or \"none\": this vehicle hovers in one attitude",
             ));
         }
-        let params = FlightParams {
+        Ok(FlightParams {
             vehicle: *self.vehicle.vehicle(),
             controller: *self.controller(),
             estimator: self.estimator_params()?,
@@ -51,9 +51,7 @@ impl Config {
             watch: self.supervisor.params(),
             take_off,
             rotor_speed_age: self.link.rotor_speed_age,
-        };
-        Flight::new(params, None)?;
-        Ok(params)
+        })
     }
 
     /// The parameters of a flight and its link; `take_off` starts it without a command.

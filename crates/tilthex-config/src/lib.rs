@@ -26,7 +26,7 @@ pub use estimator::EstimatorSection;
 pub use section::{ConfigError, Described, Key, Section, one_line};
 pub use sections::{LinkSection, LogSection, MissionSection, MocapSection, OrdersSection, SupervisorSection};
 use std::path::Path;
-use tilthex_core::controller::ControllerParams;
+use tilthex_core::{controller::ControllerParams, flight::Flight};
 use toml::{Table, Value};
 pub use truth::{TrueVehicle, TruthSection};
 pub use values::{Axes, Square};
@@ -184,7 +184,7 @@ impl Config {
             controller,
             retired,
         };
-        config.flight_params(false)?;
+        Flight::new(config.flight_params(false)?, None)?;
         config.check_latency()?;
         config.check_line(config.link.params()?)?;
         Ok(config)

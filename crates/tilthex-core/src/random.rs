@@ -43,8 +43,11 @@ impl Random {
         radius * cosine
     }
 
-    /// Three independent normal numbers of deviation `sigma`.
+    /// Three independent normal numbers of deviation `sigma`; a deviation of 0 draws none.
     pub fn normal3(&mut self, sigma: f64) -> Vector3 {
+        if sigma == 0.0 {
+            return Vector3::zeros();
+        }
         Vector3::new(self.normal(), self.normal(), self.normal()) * sigma
     }
 }

@@ -19,6 +19,8 @@ use libm::{acos, atan2, cos, fabs, sin, sqrt};
 
 /// Below this squared angle the trigonometric ratios are summed as series.
 const SMALL_ANGLE_SQUARED: f64 = 1e-2;
+/// Below this squared angle three terms of a series are exact to rounding.
+const TINY_ANGLE_SQUARED: f64 = 3e-5;
 /// Trace of a rotation whose angle is a little less than the root of that.
 const SMALL_ANGLE_TRACE: f64 = 3.0 - 0.99 * SMALL_ANGLE_SQUARED;
 
@@ -44,7 +46,11 @@ fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
 /// sin(t)/t, (1-cos(t))/t^2 and (t-sin(t))/t^3 of t^2.
 #[inline]
 pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
-    if t2 < SMALL_ANGLE_SQUARED {
+    if t2 < TINY_ANGLE_SQUARED {
+        let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0]);
+        let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0]);
+        (a, b, polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0]))
+    } else if t2 < SMALL_ANGLE_SQUARED {
         small_ratios(t2)
     } else {
         let t = sqrt(t2);

@@ -8,7 +8,7 @@ use common::{inertia, rotation, tilt_hex, vector};
 use proptest::prelude::*;
 use tilthex_core::{
     GRAVITY, Matrix3, RobotState, RotorVector, Vector3, Vehicle, Wrench,
-    plant::{Plant, PlantState},
+    plant::{Loads, Plant, PlantState},
     so3,
     vehicle::Mounting,
 };
@@ -46,17 +46,22 @@ proptest! {
     #[test]
     fn one_step_of_a_period_is_two_of_its_half(
         rotation_wr in rotation(), omega in vector(5.0), velocity_w in vector(2.0), force in vector(10.0),
-        torque in vector(0.5), speeds in prop::array::uniform6(30.0..100.0f64), order in prop::array::uniform6(30.0..100.0f64),
+        torque in vector(0.5), push in vector(10.0), twist in vector(0.5), speeds in prop::array::uniform6(30.0..100.0f64), order in prop::array::uniform6(30.0..100.0f64),
     ) {
         let plant = Plant::new(tilt_hex());
         let rotors = |speeds: [f64; 6]| RotorVector::from_fn(|i, _| speeds.get(i).copied().unwrap_or(0.0));
         let robot = RobotState { position_w: Vector3::zeros(), velocity_w, rotation_wr, angular_velocity_r: omega };
         let mut whole = PlantState::new(robot, rotors(speeds));
         let mut halves = whole;
-        let external = Wrench { force, torque };
-        plant.step(&mut whole, &rotors(order), &external, 2e-3);
+        let tool_w = Wrench { force: push, torque: twist };
+        let loads = Loads { external: Wrench { force, torque }, tool_w };
+        let step = |state: &mut PlantState, dt: f64| {
+            let mut nominal = plant.vehicle().body_wrench(&state.rotor_speeds);
+            plant.step_by(&plant.time_step(dt), state, &mut nominal, &rotors(order), &loads);
+        };
+        step(&mut whole, 2e-3);
         for _ in 0..2 {
-            plant.step(&mut halves, &rotors(order), &external, 1e-3);
+            step(&mut halves, 1e-3);
         }
         let (w, h) = (whole.robot, halves.robot);
         prop_assert!((w.position_w - h.position_w).amax() < 1e-9);

@@ -2,7 +2,7 @@
 
 use tilthex_core::{
     RobotState, RotorVector, Vector3, Wrench,
-    plant::{EffectsState, ImuSample, Plant, PlantState, TimeStep},
+    plant::{EffectsState, ImuSample, Loads, Plant, PlantState, TimeStep},
 };
 
 use super::{Pushes, ground::Ground};
@@ -68,6 +68,8 @@ pub struct Own {
     /// Flat ground at z = 0; `None` for a body that flies high above it.
     ground: Option<Ground>,
     pushes: Pushes,
+    /// The sum of all outer wrenches but that on the tool, and with it: force W, torque R about the centre of mass.
+    apart: Wrench,
     external: Wrench,
     tool_wrench_w: Wrench,
     /// Whether every rotor is as the plant has it.
@@ -113,6 +115,7 @@ impl Own {
             time_step: plant.time_step(0.0),
             ground,
             pushes,
+            apart: Wrench::ZERO,
             external: Wrench::ZERO,
             tool_wrench_w: Wrench::ZERO,
             sound: true,
@@ -171,14 +174,14 @@ impl Own {
 
     fn sum_up(&mut self) {
         let mut sum = self.ground.map_or(Wrench::ZERO, |ground| ground.wrench(&self.state.robot));
-        if self.tool_wrench_w != Wrench::ZERO {
-            sum = sum + self.plant.from_tool(&self.state, &self.tool_wrench_w);
-        }
         sum = sum + self.pressed;
         if !self.sound {
             sum = sum - self.lost_thrust();
         }
-        self.external = sum;
+        (self.apart, self.external) = (sum, sum);
+        if self.tool_wrench_w != Wrench::ZERO {
+            self.external = sum + self.plant.from_tool(&self.state, &self.tool_wrench_w);
+        }
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
@@ -193,7 +196,8 @@ impl Own {
             limited = commands.component_mul(&self.health);
             &limited
         };
-        self.plant.step_by(&self.time_step, &mut self.state, &mut self.rotors, commands, &self.external);
+        let loads = Loads { external: self.apart, tool_w: self.tool_wrench_w };
+        self.plant.step_by(&self.time_step, &mut self.state, &mut self.rotors, commands, &loads);
     }
 
     /// The part of the nominal wrench that damaged and reversed rotors do not exert: force W, torque R.

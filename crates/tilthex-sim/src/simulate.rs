@@ -10,7 +10,7 @@ pub use record::{Column, FaultChange, NAMES, Record};
 use std::collections::VecDeque;
 use tilthex_config::{Config, ConfigError, TruthSection};
 use tilthex_core::{
-    Matrix3, PoseSample, RobotState, Setpoint, Vector3, Wrench,
+    Matrix3, PoseSample, RobotState, Setpoint, Vector3,
     admittance::centre_of_mass_reference,
     flight::{
         AirborneStart, Commanded, Flight, HostFacts, Inertial, KnownState, MAX_POSES, Measured, MotorCommand,
@@ -24,10 +24,10 @@ use tilthex_core::{
 
 /// Control period, s.
 pub const PERIOD: f64 = 0.002;
-/// Cycles of the body in a control period. The board of a vehicle has two. One is enough for a rigid body that nothing touches:
-/// a test compares one step with two of half its length.
+/// Cycles of the body in a control period. The board of a vehicle has two. One is enough for a rigid body that only rotors,
+/// weight and a push on its tool move: a test compares one step with two of half its length.
 const CYCLES: usize = 2;
-const CYCLES_IN_FREE_AIR: usize = 1;
+const CYCLES_OF_RIGID_BODY: usize = 1;
 /// Control periods between two captured poses.
 const POSE_EVERY: usize = 5;
 
@@ -254,9 +254,7 @@ impl World {
         };
         // The pushes of a whole period are those at its begin, when they were measured.
         let since_start = self.started.map(|started| self.time - started);
-        // A push is constant in the world, not in the body, which turns.
-        let untouched = self.free && self.body.tool_wrench_w() == Wrench::ZERO;
-        let cycles = if untouched { CYCLES_IN_FREE_AIR } else { CYCLES };
+        let cycles = if self.free { CYCLES_OF_RIGID_BODY } else { CYCLES };
         let dt = PERIOD / cycles as f64;
         for k in 1..=cycles {
             let at = ((self.time + k as f64 * dt) * 1e9) as Nanos;

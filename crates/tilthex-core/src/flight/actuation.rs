@@ -157,9 +157,15 @@ impl Flight {
 
     /// Takes a command that is finite, limited to the rotors' limits; otherwise keeps the last one.
     fn accept(&mut self, command: &RotorVector) -> bool {
-        let finite = command.as_slice().iter().all(|w| w.is_finite());
+        // All at once: a search that ends at the first would take one rotor after the other.
+        let finite = command.as_slice().iter().fold(true, |all, w| all & w.is_finite());
         if finite {
-            self.command = command.sup(&self.min_speeds).inf(&self.max_speeds);
+            let limits = self.min_speeds.as_slice().iter().zip(self.max_speeds.as_slice());
+            let wanted = self.command.as_mut_slice().iter_mut().zip(command.as_slice());
+            for ((speed, wanted), (least, most)) in wanted.zip(limits) {
+                let raised = if wanted < least { *least } else { *wanted };
+                *speed = if raised > *most { *most } else { raised };
+            }
         }
         finite
     }

@@ -303,17 +303,19 @@ impl Flight {
         let before = self.supervisor.phase();
         let motors = input.telemetry.motors();
         let own = motors.iter().enumerate().fold(0, |set, (i, m)| set | u16::from(m.emergency) << i);
-        let still = self.rotor_model.stopped(motors, input.time);
+        let unlike = self.rotor_model.unlike(motors, input.time);
+        let still = unlike.stopped;
         let (speeds, external) = &self.thrust_seen;
         let lifting = (!self.stops_unseen()).then(|| {
             if still == 0 { 0 } else { self.thrust.lifting(&self.params.vehicle, speeds, external) }
         });
         let stopped = self.stopped.step(still, own, lifting, dt);
         self.rotor_model.set_doubted(self.stopped.doubted());
-        let wrong_speeds = self.rotor_model.wrong_speeds(motors, input.time);
+        let wrong_speeds = self.rotor_model.wrong_speeds(unlike.wrong);
         let wrong = self.supervisor.active().contains(Fault::MotorWrongSpeed);
         let late = input.telemetry.inertial.line_delay > LINE_LATE;
-        self.rotor_model.adapt(motors, input.time, wrong && stopped == 0 && !late, dt);
+        let learns = wrong && stopped == 0 && !late;
+        self.rotor_model.adapt(motors, input.time, learns.then_some(wrong_speeds), dt);
         let mut conditions = self.watch.conditions(
             &watch::Seen {
                 now: input.time,
@@ -325,6 +327,7 @@ impl Flight {
                 robot: &self.robot_state(),
                 tool_r: self.params.vehicle.tool().position_r,
                 output: self.output.as_ref(),
+                emergency: own != 0,
                 stopped,
                 wrong_speeds,
                 host: input.host,

@@ -18,6 +18,15 @@ const TELLS: f64 = 10.0;
 /// Rate at which a motor's gain is learnt, 1/s, and the smallest gain that is compensated.
 const GAIN: (f64, f64) = (10.0, 0.5);
 
+/// Motors whose measured speeds are unlike the model's: bit `i` is that of motor `i` (from 0).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Unlike {
+    /// It measures standstill. If half of the motors do, the commands do not arrive, and no bit is set.
+    pub(super) stopped: u16,
+    /// Its speed is far from the model's.
+    pub(super) wrong: u16,
+}
+
 /// The commanded speeds after each rotor's lag.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct RotorModel {
@@ -139,10 +148,11 @@ impl RotorModel {
         !self.garbled && now - motor.heard <= MOTORS_FRESH
     }
 
-    /// Learns by how much motors turn too slowly, after a fault of theirs has begun.
-    pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, at_fault: bool, dt: f64) {
+    /// Learns by how much motors turn too slowly, after a fault of theirs has begun: while `wrong_speeds` is given, the number of
+    /// motors with wrong speeds.
+    pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, wrong_speeds: Option<usize>, dt: f64) {
         let (rate, least) = GAIN;
-        if !at_fault || self.garbled || 2 * self.wrong_speeds(motors, now) >= motors.len() {
+        if self.garbled || wrong_speeds.is_none_or(|wrong| 2 * wrong >= motors.len()) {
             return;
         }
         let rotors = self.gain.iter_mut().zip(self.expected.iter()).zip(motors).enumerate();
@@ -185,10 +195,9 @@ impl RotorModel {
         speeds
     }
 
-    /// Number of motors whose measured speed is far from the model's.
+    /// Number of motors whose measured speed is far from the model's, of those in [`Unlike::wrong`].
     #[must_use]
-    pub(super) fn wrong_speeds(&self, motors: &[Motor], now: f64) -> usize {
-        let wrong = self.where_measured(motors, now, |speed, expected| fabs(speed - expected) > WRONG_SPEED);
+    pub(super) fn wrong_speeds(&self, wrong: u16) -> usize {
         (wrong & !self.doubted).count_ones() as usize
     }
 
@@ -206,21 +215,22 @@ impl RotorModel {
         turning
     }
 
-    /// Bit `i` is set if motor `i` (from 0) measures standstill. If half of the motors do, the commands do not
-    /// arrive, and no bit is set.
+    /// The motors whose measurements are unlike what the model expects.
     #[must_use]
-    pub(super) fn stopped(&self, motors: &[Motor], now: f64) -> u16 {
-        let stopped = self.where_measured(motors, now, |speed, expected| {
-            fabs(expected) > TELLS && fabs(speed) < STOPPED * fabs(expected)
-        });
-        if 2 * stopped.count_ones() as usize >= motors.len() { 0 } else { stopped }
-    }
-
-    fn where_measured(&self, motors: &[Motor], now: f64, is: impl Fn(f64, f64) -> bool) -> u16 {
+    pub(super) fn unlike(&self, motors: &[Motor], now: f64) -> Unlike {
+        let (mut stopped, mut wrong) = (0_u16, 0_u16);
         let model = self.expected.as_slice().iter().zip(self.gain.as_slice());
-        motors.iter().zip(model).enumerate().fold(0, |set, (i, (motor, (expected, gain)))| {
-            if self.is_measured(motor, now) && is(motor.speed, expected * gain) { set | 1 << i } else { set }
-        })
+        for (i, (motor, (expected, gain))) in motors.iter().zip(model).enumerate() {
+            let (speed, expected) = (motor.speed, expected * gain);
+            let measured = self.is_measured(motor, now);
+            let stands = fabs(expected) > TELLS && fabs(speed) < STOPPED * fabs(expected);
+            stopped |= u16::from(measured & stands) << i;
+            wrong |= u16::from(measured & (fabs(speed - expected) > WRONG_SPEED)) << i;
+        }
+        if 2 * stopped.count_ones() as usize >= motors.len() {
+            stopped = 0;
+        }
+        Unlike { stopped, wrong }
     }
 }
 

@@ -171,7 +171,7 @@ impl Flight {
         }
         self.capture.settle(self.estimator.health().position_age, dt);
         let output = self.output.as_ref().filter(|_| phase.in_flight())?;
-        let robot = self.estimator.robot_state();
+        let robot = self.robot_state();
         let external_r = output.contact(&robot, &self.control.bias_r);
         match self.capture.contradicts(&self.estimator, &external_r, &self.params.vehicle, dt)? {
             Verdict::PosesLie(found, state) => {

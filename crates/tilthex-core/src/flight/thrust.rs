@@ -143,8 +143,11 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
             continue;
         };
         let missing = -found.dot(&given) / given.norm_squared().max(1e-12);
+        if !MISSING.contains(&missing) {
+            continue;
+        }
         let unexplained = (found + given * missing).norm() / size;
-        if MISSING.contains(&missing) && unexplained < best.map_or(UNEXPLAINED, |(_, least)| least) {
+        if unexplained < best.map_or(UNEXPLAINED, |(_, least)| least) {
             best = Some((i, unexplained));
         }
     }

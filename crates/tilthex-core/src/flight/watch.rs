@@ -4,7 +4,6 @@ use super::{Telemetry, io::HostFacts, record::LinkCounters};
 use crate::{
     controller::ControllerOutput,
     estimator::{Estimator, Health, Status},
-    so3,
     supervisor::{Fault, FaultSet, Phase, limits as l},
     types::{RobotState, Vector3},
 };
@@ -60,6 +59,8 @@ pub(super) struct Seen<'a> {
     pub(super) output: Option<&'a ControllerOutput>,
     /// Number of motors whose measured speed is far from the model's.
     pub(super) wrong_speeds: usize,
+    /// Whether a motor says that it has stopped.
+    pub(super) emergency: bool,
     /// Bit `i` is set if motor `i` has stopped, by its speed.
     pub(super) stopped: u16,
     /// Facts that only the host can observe.
@@ -87,6 +88,8 @@ impl Poses {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Watch {
     params: WatchParams,
+    /// Cosine of the largest tilt.
+    least_upright: f64,
     poses: Poses,
     refused_in_a_row: u32,
     starting: f64,
@@ -101,6 +104,7 @@ impl Watch {
     pub(super) fn new(params: WatchParams) -> Self {
         Self {
             params,
+            least_upright: libm::cos(params.max_tilt),
             poses: Poses::default(),
             refused_in_a_row: 0,
             starting: 0.0,
@@ -171,7 +175,7 @@ impl Watch {
         set.insert_if(Fault::MotorsStale, known && age > l::MOTORS_STALE);
         set.insert_if(Fault::MotorsSilent, known && age > l::MOTORS_SILENT);
         // Before the start the bit is cleared by the start command itself.
-        set.insert_if(Fault::MotorEmergency, running && s.motors().iter().any(|m| m.emergency));
+        set.insert_if(Fault::MotorEmergency, running && seen.emergency);
         set.insert_if(Fault::MotorNotSpinning, running && (!s.all_spinning() || seen.stopped != 0));
         set.insert_if(Fault::MotorWrongSpeed, running && seen.wrong_speeds > 0);
         let half = s.motors().len().div_ceil(2);
@@ -206,7 +210,7 @@ impl Watch {
         let p = &self.params;
         let state = seen.robot;
         if seen.phase.in_flight() {
-            set.insert_if(Fault::Tilt, so3::tilt(&state.rotation_wr) > p.max_tilt);
+            set.insert_if(Fault::Tilt, state.rotation_wr[(2, 2)] < self.least_upright);
             set.insert_if(Fault::Speed, state.velocity_w.norm() > p.max_speed);
         }
         if let Some(o) = seen.output.filter(|_| seen.phase.in_flight()) {
@@ -235,6 +239,7 @@ mod tests {
         estimator::EstimatorParams,
         examples,
         plant::Plant,
+        so3,
         types::{Matrix3, Setpoint},
     };
 
@@ -284,6 +289,7 @@ mod tests {
             tool_r,
             output: Some(&output),
             wrong_speeds: 0,
+            emergency: false,
             stopped: 0,
             host: HostFacts::default(),
         };

@@ -91,6 +91,15 @@ pub struct PlantState {
     pub effects: EffectsState,
 }
 
+/// What acts on the body from outside during a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loads {
+    /// A wrench at the centre of mass: force W, torque R. Its torque turns with the body.
+    pub external: Wrench,
+    /// A wrench at the tool tip, W. It is constant in W, and its lever turns with the body.
+    pub tool_w: Wrench,
+}
+
 impl PlantState {
     /// A state in calm air, with a full battery and rotors at constant speeds.
     #[must_use]
@@ -159,7 +168,8 @@ impl Plant {
     /// mass), both constant over the step.
     pub fn step(&self, state: &mut PlantState, command: &RotorVector, external: &Wrench, dt: f64) {
         let mut rotors = self.vehicle.body_wrench(&state.rotor_speeds);
-        self.step_by(&self.time_step(dt), state, &mut rotors, command, external);
+        let loads = Loads { external: *external, tool_w: Wrench::ZERO };
+        self.step_by(&self.time_step(dt), state, &mut rotors, command, &loads);
     }
 
     /// [`Self::step`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the speeds of
@@ -170,9 +180,11 @@ impl Plant {
         state: &mut PlantState,
         rotors: &mut Wrench,
         command: &RotorVector,
-        external: &Wrench,
+        loads: &Loads,
     ) {
         let (start, dt) = (&state.robot, step.dt);
+        let outer_w = loads.external.force + loads.tool_w.force;
+        let tool_torque = self.tool_torque(&start.rotation_wr, &loads.tool_w);
         let (inertia, inverse) = (self.vehicle.inertia(), self.vehicle.inertia_inverse());
         let momentum = inertia * start.angular_velocity_r;
         let command = &self.effects.reached(&state.effects, command);
@@ -195,7 +207,7 @@ impl Plant {
             let omega = inverse * (rotation.transpose() * (momentum + h * k.torque));
             let (mut wrench, mut velocity_w) = (*nominal, start.velocity_w);
             if !self.bare {
-                velocity_w += h * self.acceleration_w(&start.rotation_wr, &k.force, external);
+                velocity_w += h * self.acceleration_w(&start.rotation_wr, &k.force, &outer_w);
                 let robot = RobotState {
                     position_w: start.position_w + h * k.velocity_w,
                     velocity_w,
@@ -209,7 +221,7 @@ impl Plant {
                 velocity_w,
                 force: rotation * wrench.force,
                 turn: omega + 0.5 * c + turn.cross(&c) * (1.0 / 12.0),
-                torque: rotation * (wrench.torque + external.torque),
+                torque: rotation * (wrench.torque + loads.external.torque) + tool_torque(&rotation),
             }
         };
         let mut wrench = *rotors;
@@ -220,7 +232,7 @@ impl Plant {
             velocity_w: start.velocity_w,
             force: wrench.force,
             turn: start.angular_velocity_r,
-            torque: wrench.torque + external.torque,
+            torque: wrench.torque + loads.external.torque + tool_torque(&Matrix3::identity()),
         };
         let k2 = after(&k1, 0.5 * dt, &middle_wrench, &middle_speeds);
         let k3 = after(&k2, 0.5 * dt, &middle_wrench, &middle_speeds);
@@ -232,8 +244,8 @@ impl Plant {
         let momentum = momentum + dt * mean(|k| k.torque);
         // The velocities of the stages are those of their accelerations.
         let early = (1.0 / 3.0) * (k1.force + k2.force + k3.force);
-        let early_w = self.acceleration_w(&start.rotation_wr, &early, external);
-        let mean_w = self.acceleration_w(&start.rotation_wr, &mean(|k| k.force), external);
+        let early_w = self.acceleration_w(&start.rotation_wr, &early, &outer_w);
+        let mean_w = self.acceleration_w(&start.rotation_wr, &mean(|k| k.force), &outer_w);
         let end = Rotors { speeds: end_speeds, accelerations: acceleration(&end_speeds) };
         state.robot = RobotState {
             position_w: start.position_w + dt * (start.velocity_w + 0.5 * dt * early_w),
@@ -251,7 +263,7 @@ impl Plant {
     pub fn accelerations(&self, state: &PlantState, external: &Wrench) -> (Vector3, Vector3) {
         let actuation = self.actuation(state, &self.vehicle.body_wrench(&state.rotor_speeds));
         (
-            self.acceleration_w(&state.robot.rotation_wr, &actuation.force, external),
+            self.acceleration_w(&state.robot.rotation_wr, &actuation.force, &external.force),
             self.angular_acceleration(state, &actuation, external),
         )
     }
@@ -338,9 +350,18 @@ impl Plant {
         0.5 * (self.vehicle.mass() * v.norm_squared() + w.dot(&(self.vehicle.inertia() * w)))
     }
 
-    /// Linear acceleration, m/s^2, W, by a force in axes of an orientation.
-    fn acceleration_w(&self, rotation_w: &Matrix3, force: &Vector3, external: &Wrench) -> Vector3 {
-        (rotation_w * force + external.force) / self.vehicle.mass() - Vector3::new(0.0, 0.0, GRAVITY)
+    /// Linear acceleration, m/s^2, W, by a force in axes of an orientation and one in W.
+    fn acceleration_w(&self, rotation_w: &Matrix3, force: &Vector3, outer_w: &Vector3) -> Vector3 {
+        (rotation_w * force + outer_w) / self.vehicle.mass() - Vector3::new(0.0, 0.0, GRAVITY)
+    }
+
+    /// The torque of a wrench at the tool (W) about the centre of mass, in the axes of an orientation, after a rotation of the
+    /// body in these axes.
+    fn tool_torque(&self, rotation_w: &Matrix3, tool_w: &Wrench) -> impl Fn(&Matrix3) -> Vector3 + use<> {
+        let touched = *tool_w != Wrench::ZERO;
+        let (force, torque) = (rotation_w.transpose() * tool_w.force, rotation_w.transpose() * tool_w.torque);
+        let lever = self.vehicle.tool().position_r;
+        move |turned| if touched { torque + (turned * lever).cross(&force) } else { Vector3::zeros() }
     }
 
     /// Acceleration of the rotors, Hz/s, at speeds that follow a command; without lag, the mean over the step.

@@ -36,6 +36,7 @@ impl Triangle {
     }
 
     /// Diagonal entry.
+    #[inline(always)]
     pub(super) fn diagonal(&self, i: usize) -> f64 {
         self.0[i][i]
     }

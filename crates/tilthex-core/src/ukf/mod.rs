@@ -165,6 +165,7 @@ impl UkfState {
     }
 
     /// Sum of the three variances of a part of the (internal) error state.
+    #[inline(always)]
     fn trace(&self, first: usize) -> f64 {
         (first..first + 3).map(|i| self.covariance.diagonal(i)).sum()
     }
@@ -227,9 +228,7 @@ impl UkfState {
 
     /// Multiplies the deviations of the rotation by `factor`.
     pub fn loosen_rotation(&mut self, factor: f64) {
-        for i in ROTATION..ROTATION + 3 {
-            self.covariance.scale(i, factor);
-        }
+        self.reduce(ROTATION, factor);
         self.limit();
     }
 
@@ -248,15 +247,22 @@ impl UkfState {
     }
 
     /// Reduces variances that are above their ceiling.
+    #[inline(always)]
     fn limit(&mut self) {
-        for (i, ceiling) in CEILING.iter().enumerate() {
-            let trace = self.trace(3 * i);
+        // Constant parts: the sums need no loop.
+        for (first, ceiling) in [0, 3, 6, 9, 12].into_iter().zip(CEILING) {
+            let trace = self.trace(first);
             if trace > 3.0 * ceiling {
-                let scale = libm::sqrt(3.0 * ceiling / trace);
-                for j in 3 * i..3 * i + 3 {
-                    self.covariance.scale(j, scale);
-                }
+                self.reduce(first, libm::sqrt(3.0 * ceiling / trace));
             }
+        }
+    }
+
+    /// Multiplies the deviations of a part by `factor`.
+    #[cold]
+    fn reduce(&mut self, first: usize, factor: f64) {
+        for j in first..first + 3 {
+            self.covariance.scale(j, factor);
         }
     }
 
