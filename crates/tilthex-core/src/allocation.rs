@@ -4,13 +4,14 @@
 //! produce it, the allocator takes the inputs that are nearest to the hover inputs. If the
 //! rotors cannot produce the wrench, the allocator serves its parts in the strict order of
 //! [`Priority`]: it never makes the error of a part larger to improve a part that comes later
-//! (see `hierarchy`). Torques are about robot axes, because the axis about which the rotors
+//! (see `hierarchy`; where only the last part is missed, `last_part` gives the same inputs in closed form). Torques are about robot axes, because the axis about which the rotors
 //! are weak is fixed in the vehicle. A vehicle that can hover in every attitude has its
 //! vertical and lateral forces along world axes, so that the force that carries the weight
 //! has the same priority in every attitude. All other vehicles stay near upright, and their
 //! forces are along robot axes.
 
 mod hierarchy;
+mod last_part;
 mod levels;
 mod priority;
 mod section;
@@ -303,12 +304,29 @@ impl Allocator {
         rotation_wr: Option<&Matrix3>,
         limits: (&RotorVector, &RotorVector),
     ) -> Allocation {
+        let steps = if let Some((inputs, side, steps)) = self.without_last(wrench, rotation_wr, limits) {
+            *state = AllocatorState { inputs, side, searched: true };
+            steps
+        } else {
+            self.search_levels(state, wrench, rotation_wr, limits)
+        };
+        self.report(wrench, state.inputs, rotation_wr, Some(limits), steps)
+    }
+
+    /// Searches level by level, whichever parts are missed; returns the number of steps.
+    fn search_levels(
+        &self,
+        state: &mut AllocatorState,
+        wrench: &Vector6,
+        rotation_wr: Option<&Matrix3>,
+        limits: (&RotorVector, &RotorVector),
+    ) -> u32 {
         if !state.searched {
             // A search that starts inside the limits finds the active ones in the fewest steps.
             state.inputs = self.hover;
             state.side = [Side::Free; MAX_ROTORS];
         }
-        let iterations = match rotation_wr {
+        let steps = match rotation_wr {
             None => self.levels.solve(state, wrench, limits, self.preferred()),
             Some(r) => {
                 let levels = self.levels.along(r, &self.matrix);
@@ -316,7 +334,29 @@ impl Allocator {
             }
         };
         state.searched = true;
-        self.report(wrench, state.inputs, rotation_wr, Some(limits), iterations)
+        steps
+    }
+
+    /// The result of the search where only the last part of the wrench is missed; see `last_part`.
+    fn without_last(
+        &self,
+        wrench: &Vector6,
+        rotation_wr: Option<&Matrix3>,
+        limits: (&RotorVector, &RotorVector),
+    ) -> Option<(RotorVector, [Side; MAX_ROTORS], u32)> {
+        let own_inputs = self.rank == ROWS && self.rotor_count == last_part::ROTORS;
+        let [.., last] = self.params.order;
+        let [first, second] = *last.rows() else { return None };
+        if !own_inputs {
+            return None;
+        }
+        let inputs_of = |wrench: &Vector6| inputs_for(&self.inverse, wrench, self.rotor_count);
+        let columns = [first, second].map(|row| {
+            let mut unit = Vector6::zeros();
+            unit.iter_mut().skip(row).take(1).for_each(|x| *x = 1.0);
+            inputs_of(&rotation_wr.map_or(unit, |r| turned(&r.transpose(), &unit)))
+        });
+        last_part::solve(&inputs_of(wrench), &columns, limits)
     }
 
     /// The linear map from wrenches to inputs: the result of a search without limits.

@@ -28,7 +28,11 @@ fn rotor() -> impl Strategy<Value = Rotor> {
 }
 
 fn vehicle() -> impl Strategy<Value = Vehicle> {
-    prop::collection::vec(rotor(), 4..=MAX_ROTORS).prop_filter_map("the rotors turn it", |rotors| {
+    vehicle_of(4..=MAX_ROTORS)
+}
+
+fn vehicle_of(rotors: impl Into<prop::collection::SizeRange>) -> impl Strategy<Value = Vehicle> {
+    prop::collection::vec(rotor(), rotors).prop_filter_map("the rotors turn it", |rotors| {
         let (tool, imu) = (Mounting::default(), Mounting::default());
         Vehicle::new(2.0, Matrix3::identity(), &rotors, 0.03, tool, imu).ok().filter(|v| v.condition() < 1e4)
     })
@@ -151,6 +155,39 @@ proptest! {
         let tolerance = 1e-7 * (1.0 + wanted.amax());
         prop_assert!((warm.wrench - cold.wrench).amax() < tolerance, "{warm:?} {cold:?}");
         prop_assert!(warm.iterations <= MAX_ITERATIONS);
+    }
+
+    /// Where only the last part is missed, the closed form gives the inputs of the search.
+    #[test]
+    fn the_last_part_alone_needs_no_search(
+        v in vehicle_of(6), u in prop::array::uniform12(0.01..0.99f64), off in prop::array::uniform2(-100.0..100.0f64),
+        lateral_last in any::<bool>(), r in attitude(), by_world in any::<bool>(),
+    ) {
+        prop_assume!(v.rank() == 6);
+        let mut order = Priority::ORDER;
+        if !lateral_last { order.reverse(); }
+        let a = Allocator::with_params(&v, AllocatorParams { order, horizon: 0.0 }).unwrap();
+        // The other parts are those of possible inputs.
+        let identity = Matrix3::identity();
+        let r = if by_world { &r } else { &identity };
+        let mut wanted = turned(r, &Wanted::Reach(u, 1.0).of(&v, &a));
+        for (row, off) in order[3].rows().iter().zip(off) { wanted[*row] += off; }
+        let (wanted, limits) = (turned(&r.transpose(), &wanted), (&a.lower, &a.upper));
+        let closed = a.without_last(&wanted, by_world.then_some(r), limits);
+        let far = (v.allocation_inverse() * wanted).amax() > 30.0 * a.upper.amax();
+        prop_assert!(closed.is_some() || far);
+        let Some((inputs, side, _)) = closed else { return Ok(()) };
+        let mut state = AllocatorState::default();
+        a.search_levels(&mut state, &wanted, by_world.then_some(r), limits);
+        let parts = |inputs: &RotorVector| cost(&v, r, by_world, &wanted, inputs, &order);
+        for (closed, searched) in parts(&inputs).iter().zip(parts(&state.inputs)) {
+            prop_assert!((closed - searched).abs() < 1e-8 * (1.0 + wanted.amax()), "{inputs:?} {:?}", state.inputs);
+        }
+        prop_assert!((inputs - state.inputs).amax() < 1e-9 * a.upper.amax() * v.condition());
+        for i in 0..MAX_ROTORS {
+            prop_assert!(side[i] != Side::Lower || inputs[i] == a.lower[i]);
+            prop_assert!(side[i] != Side::Upper || inputs[i] == a.upper[i]);
+        }
     }
 
     #[test]

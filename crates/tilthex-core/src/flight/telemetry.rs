@@ -204,7 +204,8 @@ impl Telemetry {
     /// Age of the oldest motor's measurement, s.
     #[must_use]
     pub fn motor_age(&self, now: f64) -> f64 {
-        let oldest = self.motors().iter().fold(now, |oldest, m| if m.heard < oldest { m.heard } else { oldest });
+        let oldest =
+            self.motors().iter().fold(now, |oldest, m| if m.heard < oldest { m.heard } else { oldest });
         now - oldest
     }
 
