@@ -96,6 +96,7 @@ impl Navigation {
     ///
     /// `gyro_i` in rad/s and `specific_force_i` in m/s^2, IMU coordinates, including their biases.
     #[must_use]
+    #[inline(always)]
     pub fn advance(&self, gyro_i: &Vector3, specific_force_i: &Vector3, dt: f64) -> Self {
         let turned = self.rotation_wi * so3::exp(&((gyro_i - self.gyro_bias_i) * dt));
         let mid = 0.5 * (self.rotation_wi + turned);
@@ -103,6 +104,7 @@ impl Navigation {
     }
 
     /// The state after `dt` seconds with the mean specific force `force_w`.
+    #[inline(always)]
     fn advance_turned(&self, turned: Matrix3, force_w: &Vector3, dt: f64) -> Self {
         let acceleration = Vector3::new(force_w.x, force_w.y, force_w.z - GRAVITY);
         Self {
