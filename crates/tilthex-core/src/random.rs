@@ -44,6 +44,7 @@ impl Random {
     }
 
     /// Three independent normal numbers of deviation `sigma`; a deviation of 0 draws none.
+    #[inline]
     pub fn normal3(&mut self, sigma: f64) -> Vector3 {
         if sigma == 0.0 {
             return Vector3::zeros();

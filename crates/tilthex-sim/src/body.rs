@@ -68,9 +68,8 @@ pub struct Own {
     /// Flat ground at z = 0; `None` for a body that flies high above it.
     ground: Option<Ground>,
     pushes: Pushes,
-    /// The sum of all outer wrenches but that on the tool, and with it: force W, torque R about the centre of mass.
+    /// The sum of all outer wrenches but that on the tool: force W, torque R about the centre of mass.
     apart: Wrench,
-    external: Wrench,
     tool_wrench_w: Wrench,
     /// Whether every rotor is as the plant has it.
     sound: bool,
@@ -116,7 +115,6 @@ impl Own {
             ground,
             pushes,
             apart: Wrench::ZERO,
-            external: Wrench::ZERO,
             tool_wrench_w: Wrench::ZERO,
             sound: true,
             health: RotorVector::repeat(1.0),
@@ -169,7 +167,7 @@ impl Own {
     /// The values of a perfect IMU, and the specific force at the centre of mass, m/s^2, R.
     #[must_use]
     pub fn inertial(&self) -> (ImuSample, Vector3) {
-        self.plant.imu_by(&self.state, &self.rotors, &self.external)
+        self.plant.imu_by(&self.state, &self.rotors, &self.external())
     }
 
     fn sum_up(&mut self) {
@@ -178,10 +176,7 @@ impl Own {
         if !self.sound {
             sum = sum - self.lost_thrust();
         }
-        (self.apart, self.external) = (sum, sum);
-        if self.tool_wrench_w != Wrench::ZERO {
-            self.external = sum + self.plant.from_tool(&self.state, &self.tool_wrench_w);
-        }
+        self.apart = sum;
     }
 
     fn step(&mut self, commands: &RotorVector, dt: f64) {
@@ -241,7 +236,10 @@ impl Body for Own {
     }
 
     fn external(&self) -> Wrench {
-        self.external
+        if self.tool_wrench_w == Wrench::ZERO {
+            return self.apart;
+        }
+        self.apart + self.plant.from_tool(&self.state, &self.tool_wrench_w)
     }
 
     fn rests(&self) -> bool {

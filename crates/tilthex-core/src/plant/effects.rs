@@ -48,7 +48,7 @@ pub struct EffectsState {
     pub wind: WindState,
     /// The battery.
     pub battery: Battery,
-    /// Acceleration of the rotors at the end of the last step, Hz/s.
+    /// Acceleration of the rotors at the end of the last step, Hz/s; zero while no effect needs it.
     pub rotor_accelerations: RotorVector,
 }
 

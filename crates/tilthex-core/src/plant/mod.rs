@@ -246,7 +246,6 @@ impl Plant {
         let early = (1.0 / 3.0) * (k1.force + k2.force + k3.force);
         let early_w = self.acceleration_w(&start.rotation_wr, &early, &outer_w);
         let mean_w = self.acceleration_w(&start.rotation_wr, &mean(|k| k.force), &outer_w);
-        let end = Rotors { speeds: end_speeds, accelerations: acceleration(&end_speeds) };
         state.robot = RobotState {
             position_w: start.position_w + dt * (start.velocity_w + 0.5 * dt * early_w),
             velocity_w: start.velocity_w + dt * mean_w,
@@ -254,6 +253,8 @@ impl Plant {
             rotation_wr: so3::unrounded(&(start.rotation_wr * turned)),
             angular_velocity_r: inverse * (turned.transpose() * momentum),
         };
+        let accelerations = if self.bare { RotorVector::zeros() } else { acceleration(&end_speeds) };
+        let end = Rotors { speeds: end_speeds, accelerations };
         state.rotor_speeds = end.speeds;
         self.effects.step(&mut state.effects, &state.robot, &end, dt);
     }
