@@ -314,8 +314,13 @@ impl Contact {
     /// The likelihood of contact, 0 to 1.
     #[must_use]
     pub fn likelihood(&self) -> f64 {
-        1.0 / (1.0 + exp(-self.log_odds))
+        likelihood_of(self.log_odds)
     }
+}
+
+/// The likelihood, 0 to 1, of log-odds.
+pub(crate) fn likelihood_of(log_odds: f64) -> f64 {
+    1.0 / (1.0 + exp(-log_odds))
 }
 
 /// An innovation with a wind of covariance P and a noise of diagonal covariance D, by the Woodbury identity: `S^-1 =

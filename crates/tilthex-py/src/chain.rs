@@ -335,7 +335,7 @@ impl Loop {
         rows.extend(&record.wrench_admittance_w.to_vector());
         rows.extend(&record.wrench_contact_w.to_vector());
         rows.extend(&record.wind_w);
-        rows.push(record.contact_likelihood);
+        rows.push(record.contact_likelihood());
         rows.push(f64::from(u8::from(record.saturated)));
     }
 }

@@ -6,6 +6,7 @@ use super::{
 };
 use crate::{
     allocation::Priority,
+    contact::likelihood_of,
     supervisor::{FaultSet, Phase},
     types::{Matrix3, PoseSample, RobotState, RotorVector, Setpoint, Vector3, Wrench},
 };
@@ -97,8 +98,8 @@ pub struct Record {
     pub wrench_admittance_w: Wrench,
     /// Estimated velocity of the air, m/s, W; zero if it is not estimated.
     pub wind_w: Vector3,
-    /// Likelihood of contact, 0 to 1; 1 if it is not estimated.
-    pub contact_likelihood: f64,
+    /// Log-odds of contact; see [`Self::contact_likelihood`].
+    pub contact_log_odds: f64,
     /// e_p, m, W.
     pub position_error_w: Vector3,
     /// Rotation error e_R, robot; without unit, (15).
@@ -169,7 +170,7 @@ impl Default for Record {
             wrench_contact_w: Wrench::ZERO,
             wrench_admittance_w: Wrench::ZERO,
             wind_w: zero,
-            contact_likelihood: 0.0,
+            contact_log_odds: f64::NEG_INFINITY,
             position_error_w: zero,
             rotation_error_r: zero,
             compliant: false,
@@ -185,6 +186,14 @@ impl Default for Record {
             model: ModelRecord::default(),
             imu_samples: 0,
         }
+    }
+}
+
+impl Record {
+    /// Likelihood of contact, 0 to 1; near 1 if it is not estimated.
+    #[must_use]
+    pub fn contact_likelihood(&self) -> f64 {
+        likelihood_of(self.contact_log_odds)
     }
 }
 
@@ -230,7 +239,7 @@ impl Flight {
             record.wrench_contact_w = o.wrench_contact_w;
             record.wrench_admittance_w = o.wrench_admittance_w;
             record.wind_w = o.told.wind_w;
-            record.contact_likelihood = o.told.likelihood();
+            record.contact_log_odds = o.told.log_odds;
             record.position_error_w = o.pose.position_error_w;
             record.rotation_error_r = o.pose.rotation_error_r;
             record.compliant = o.compliant;

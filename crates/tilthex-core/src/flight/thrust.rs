@@ -142,7 +142,12 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
         let Some(given) = column(vehicle, arm, i).map(|column| column * (speed * speed.abs())) else {
             continue;
         };
-        let missing = -found.dot(&given) / given.norm_squared().max(1e-12);
+        let square = given.norm_squared().max(1e-12);
+        // The part along a wrench is not larger than the whole.
+        if size * size < MISSING.start() * MISSING.start() * square {
+            continue;
+        }
+        let missing = -found.dot(&given) / square;
         if !MISSING.contains(&missing) {
             continue;
         }

@@ -101,7 +101,7 @@ const WRENCHES: Message<Tick> = Message {
         field(2, "tool_w", "N, N m", "force, torque", "About the tool tip, world axes.", Force(|t| t.record.wrench_tool_w)),
         field(3, "admittance_w", "N, N m", "", "Input of the admittance filter, about the tool tip, world axes.", Force(|t| t.record.wrench_admittance_w)),
         field(4, "wind_w", "m/s", "wind", "Estimated velocity of the air; zero if `[contact] discrimination` is off.", Vector(|t| t.record.wind_w)),
-        field(5, "contact_likelihood", "1", "contact_likelihood", "Likelihood that the tool is touched; near 1 if `[contact] discrimination` is off.", Number(|t| t.record.contact_likelihood)),
+        field(5, "contact_likelihood", "1", "contact_likelihood", "Likelihood that the tool is touched; near 1 if `[contact] discrimination` is off.", Number(|t| t.record.contact_likelihood())),
         field(6, "contact_w", "N, N m", "contact_force, contact_torque", "The part of the wrench about the tool tip that is no drag of the wind; all of it if `[contact] discrimination` is off.", Force(|t| t.record.wrench_contact_w)),
     ],
 };

@@ -44,7 +44,7 @@ const QUANTITIES: [(&str, Read); 29] = [
     ("wrench_tool", |w, row| add_wrench(row, &w.commanded.record.wrench_tool_w)),
     ("wrench_contact", |w, row| add_wrench(row, &w.commanded.record.wrench_contact_w)),
     ("wind", |w, row| add(row, &w.commanded.record.wind_w)),
-    ("contact_likelihood", |w, row| row.push(w.commanded.record.contact_likelihood)),
+    ("contact_likelihood", |w, row| row.push(w.commanded.record.contact_likelihood())),
     ("wrench_true", |w, row| add_wrench(row, &w.body.tool_wrench_w())),
     ("rotor_speeds", |w, row| add_rotors(row, w, &w.body.state().rotor_speeds)),
     ("rotor_command", |w, row| add_rotors(row, w, &w.commanded.record.rotor_command)),

@@ -43,7 +43,7 @@ fn it_takes_off_yields_to_a_push_and_lands_by_order() {
     assert!((there.setpoint.position_w - here.setpoint.position_w).norm() < 1e-6);
     assert!((there.input.time - world.now()).abs() < 0.05);
     assert!((there.rotor_speeds[0] - here.rotor_speeds[0]).abs() < 3.0 && there.battery > 10.0);
-    assert!(there.contact_likelihood.is_nan(), "what the vehicle does not send is not known");
+    assert!(there.contact_likelihood().is_nan(), "what the vehicle does not send is not known");
     world.simulation.disturb(Wrench::ZERO, Wrench::ZERO);
     world.order(Order::Land);
     world.landed();

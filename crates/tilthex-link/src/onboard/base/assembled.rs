@@ -56,7 +56,7 @@ fn unknown() -> Record {
         wrench_contact_w: wrench,
         wrench_admittance_w: wrench,
         wind_w: nowhere,
-        contact_likelihood: none,
+        contact_log_odds: none,
         rotation_error_r: nowhere,
         energy_tank: none,
         rotor_command: RotorVector::repeat(none),
