@@ -1,5 +1,7 @@
 //! The fault campaign itself: its flights are reproducible, and its judge is awake.
 
+mod stories;
+
 use std::{path::Path, sync::Mutex};
 
 use proptest::prelude::*;
@@ -11,9 +13,7 @@ use tilthex_sim::{
     campaign::{self, Injection, Kind, Part, World},
 };
 
-fn fault(kind: Kind, begin: f64, duration: f64, strength: f64, index: usize) -> Injection {
-    Injection { kind, begin, duration, strength, index }
-}
+use stories::fault;
 
 /// Flies stories, each with its seed and its faults: none fails.
 fn none_fails(stories: &[(u64, &[Injection])]) {
@@ -333,37 +333,9 @@ fn a_step_of_the_accelerometers_bias_leaves_the_poses_in_use() {
     }
 }
 
-/// A latency that is found in the first hover is subtracted: the vehicle lands and needs no emergency.
-#[test]
-fn poses_that_were_found_late_land_the_vehicle() {
-    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let exact = TruthSection::named("exact").expect("a level");
-    for seed in [1300011, 1300020, 1300030, 2136949] {
-        let again = campaign::again(&config, &exact, &[Kind::CaptureLatency], seed);
-        let (outcome, _) = again.expect("it flies");
-        assert!(outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
-        assert!(outcome.failure.is_none() && outcome.reaction <= Reaction::Land, "{outcome:?}");
-    }
-}
-
-/// Late poses show a rising vehicle lower than it is: its motors are stopped only where it really is low.
-#[test]
-fn late_poses_stop_no_motors_high_above_the_ground() {
-    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let params = config.linked_params(true).expect("valid");
-    for strength in [0.62, 0.66, 0.699_493_072_806_754_3, 0.74, 0.78, 0.82] {
-        let simulation = Simulation::new(SimulationParams::new(params.flight.vehicle));
-        let world = World::new(simulation, LinkedFlight::new(params, None).expect("valid"), 2_136_949);
-        let late = fault(Kind::CaptureLatency, 0.0, 1e6, strength, 4);
-        let outcome = campaign::fly(world, vec![late], 2_136_949);
-        assert!(outcome.failure.is_none() && outcome.ended, "{outcome:?}");
-    }
-}
-
 #[test]
 fn the_judge_sees_a_vehicle_that_flies_away() {
-    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
-    let params = config.linked_params(true).expect("valid");
+    let params = stories::config().linked_params(true).expect("valid");
     let mut simulated = SimulationParams::new(params.flight.vehicle);
     // More than its rotors can hold against.
     let push = Push { at: 10.0, duration: 20.0, force: [60.0, 0.0, 0.0], torque: [0.0; 3] };
@@ -378,7 +350,7 @@ fn the_judge_sees_a_vehicle_that_flies_away() {
 fn merged_parts_are_the_whole() {
     const FIRST: u64 = 4_200_001;
     const SEEDS: u64 = 6;
-    let config = Config::from_text("vehicle.preset = \"tilt-hex\"", Path::new("")).expect("valid");
+    let config = stories::config();
     let exact = TruthSection::named("exact").expect("a level");
     let kinds = [Kind::BitFlips, Kind::RotorStuck, Kind::CaptureLost];
     let fly = |kinds: &[Kind], count, first| {

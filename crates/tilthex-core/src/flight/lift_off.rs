@@ -1,4 +1,5 @@
-//! The time from lift-off to the begin of the mission, which shows errors of wiring, axes and latency.
+//! The time from lift-off to the begin of the mission, which shows errors of wiring, axes and latency; and a landing to which a
+//! small error of axes or latency leads later.
 //!
 //! These errors do not show on the ground, because the legs take every force of the rotors. In the first decimetres a
 //! correct vehicle stays level above its start; an incorrect one is stopped while a stop does no harm.
@@ -27,6 +28,10 @@ const ASTRAY: f64 = 0.7;
 /// A captured body that has come this far the wrong way up, m, and as a part of what is felt, shows a mirror image.
 const REVERSED: (f64, f64) = (0.02, 0.5);
 
+/// Poses are compared with the motion also where their mean normalised innovation squared is above this: an instability that
+/// grows slowly must not be over before it is found.
+const SUSPECTED: f64 = 1.5;
+
 /// A vehicle that is faster than this, m/s and rad/s, is not stopped, unless it is lower than this, m.
 const FAST: (f64, f64) = (2.0, 4.0);
 const LOW: f64 = 0.1;
@@ -36,7 +41,7 @@ const LOW: f64 = 0.1;
 pub(super) struct LiftOff {
     /// Time since the take-off began, s; `None` after it.
     since: Option<f64>,
-    /// Until the mission begins: the motion by the poses and by the accelerometer.
+    /// Until the mission begins, and while poses surprise: the motion by the poses and by the accelerometer.
     witness: Option<Witness>,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
@@ -118,13 +123,19 @@ impl Flight {
         dt: f64,
     ) -> Option<Fault> {
         let watch = &mut self.lift_off;
-        // A delay or a yaw shows in the first hover at the latest, or in the landing to which it leads.
+        // A delay or a yaw shows in the first hover, or in the landing to which it leads: the smaller it is, the later it does.
         let inconsistent = self.supervisor.active().contains(Fault::EstimateInconsistent);
-        let lands = phase == Phase::Emergency || phase == Phase::Landing && !inconsistent;
-        if self.guidance.ready() || lands || !phase.in_flight() {
+        let hovers = !self.guidance.ready() && matches!(phase, Phase::Flying | Phase::Holding);
+        let suspected = inconsistent || self.estimator.health().nis_mean > SUSPECTED;
+        if suspected && matches!(phase, Phase::Flying | Phase::Holding | Phase::Landing) {
+            let now = self.estimator.time();
+            watch.witness.get_or_insert_with(|| Witness::in_motion(now));
+        } else if !hovers {
             watch.witness = None;
         }
-        let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
+        let asked = hovers || phase == Phase::Landing;
+        let witness = watch.witness.as_ref().filter(|_| asked);
+        let told = witness.map_or_else(Told::default, Witness::tells);
         watch.late = told.late.unwrap_or(0.0);
         if watch.since.is_none() {
             if told.late.is_some() {

@@ -78,6 +78,8 @@ pub(super) struct Witness {
     felt_level: f64,
     /// For how long they have shown a yaw, s.
     turned: f64,
+    /// A delay, in steps, and for how long it or one beside it has been the best one, s.
+    same: (usize, f64),
 }
 
 impl Default for Witness {
@@ -99,14 +101,20 @@ impl Default for Witness {
             captured_level: 0.0,
             felt_level: 0.0,
             turned: 0.0,
+            same: (0, 0.0),
         }
     }
 }
 
 impl Witness {
+    /// A comparison that begins in motion, at a time, s.
+    pub(super) fn in_motion(now: f64) -> Self {
+        Self { begin: now, now, ..Self::default() }
+    }
+
     /// Begins the comparison again in motion, at a time, s. The captured positions stay.
     pub(super) fn begin_again(&mut self, now: f64) {
-        *self = Self { begin: now, now, from_w: self.from_w, seen: self.seen, ..Self::default() };
+        *self = Self { from_w: self.from_w, seen: self.seen, ..Self::in_motion(now) };
     }
 
     /// Whether nothing was felt for too long before a time, s.
@@ -191,6 +199,9 @@ impl Witness {
         add(&mut self.captured_level, seen.xy().norm_squared());
         add(&mut self.felt_level, now.xy().norm_squared());
         self.turned = if self.yaw().is_some() { self.turned + dt } else { 0.0 };
+        let best = self.best().map_or(0, |best| best.0);
+        let (delay, lasts) = self.same;
+        self.same = if best.abs_diff(delay) <= 1 { (delay, lasts + dt) } else { (best, 0.0) };
     }
 
     /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
@@ -217,7 +228,9 @@ impl Witness {
         let (determinant, square) = level(&p);
         let mirrored = 2.0 * determinant < MIRRORS * square;
         let turned = !(late || mirrored) && steps <= 1 && self.turned > HOLDS;
-        Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| turned) }
+        // Jumps of poses in motion correlate by chance, but not at one delay for long.
+        let sure = self.begin == f64::NEG_INFINITY || self.same.1 > HOLDS;
+        Told { late: Some(delay).filter(|_| late && sure), mirrored, yaw: self.yaw().filter(|_| turned) }
     }
 
     /// The yaw that turns the felt motion onto the captured one, rad, if it is large.
