@@ -50,14 +50,14 @@ def numpy_run(duration: float) -> np.ndarray:
     return plant.p + plant.r @ VEHICLE.tool_position
 
 
-def rust_run(duration: float, **options: object) -> np.ndarray:
+def rust_run(duration: float, noise: float = 0.0, **options: object) -> np.ndarray:
     push = {"at": 0.0, "duration": duration, "force": PUSH}
     run = tilthex.simulate(
         CONFIG,
         duration=duration,
         setpoint=HOME,
         pushes=[push],
-        noise=0,
+        noise=noise,
         record=["tool_position"],
         **options,
     )
@@ -135,16 +135,17 @@ def main() -> None:
     compiled_row(r, zero, up, speeds)
     steps = 5000
     numpy_step = best(lambda: numpy_run(0.4), 1) / 200
-    row(
-        "closed loop in Rust, one period, exact state",
-        best(lambda: rust_run(0.002 * steps, estimator=False), 1) / steps,
-        numpy_step,
-    )
-    row(
-        "the same with the estimator (NumPy: without)",
-        best(lambda: rust_run(0.002 * steps), 1) / steps,
-        numpy_step,
-    )
+    for name, noise, estimator in (
+        ("closed loop in Rust, one period, exact state", 0, False),
+        ("the same with the estimator (NumPy: without)", 0, True),
+        ("exact state, noise (NumPy: no noise)", 1, False),
+        ("estimator and noise (NumPy: neither)", 1, True),
+    ):
+
+        def period(noise: int = noise, estimator: bool = estimator) -> object:
+            return rust_run(0.002 * steps, noise=noise, estimator=estimator)
+
+        row(name, best(period, 1) / steps, numpy_step)
     many_rows(numpy_step)
     print()
     ukf.main()
