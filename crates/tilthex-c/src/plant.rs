@@ -9,7 +9,7 @@ use crate::{
 };
 use tilthex_core::{
     GRAVITY, Vector3,
-    plant::Plant,
+    plant::{Loads, Plant},
     types::{Wrench, is_finite3},
 };
 
@@ -66,8 +66,8 @@ pub unsafe extern "C" fn tilthex_plant_step(
         check_period(dt)?;
         let push_w = if wrench_tool_w.is_null() { Wrench::ZERO } else { read(wrench_tool_w)?.wrench()? };
         let mut next = Flown { wrench_tool_w: push_w, ..*flown };
-        let external = flown.plant.from_tool(&flown.state, &push_w);
-        flown.plant.step(&mut next.state, &command, &external, dt);
+        let loads = Loads { external: Wrench::ZERO, tool_w: push_w };
+        flown.plant.step_under(&mut next.state, &command, &loads, dt);
         require(next.state.robot.is_finite(), TilthexStatus::NotFinite)?;
         *flown = next;
         Ok(())

@@ -3,7 +3,7 @@
 use std::{fs, path::Path, process::ExitCode};
 use tilthex_core::{
     Matrix3, Vector3,
-    plant::{Plant, SensorParams, Sensors},
+    plant::{Loads, Plant, SensorParams, Sensors},
     so3,
     types::Wrench,
 };
@@ -69,8 +69,9 @@ fn fly(ticks: usize) -> Result<(Vec<Input>, f64), tilthex_core::Error> {
         };
         let command = chain.tick(&input, &mut |_, part| part()).controller.rotor_speeds;
         inputs.push(input);
-        external = plant.from_tool(&state, &push(time));
-        plant.step(&mut state, &command, &external, PERIOD);
+        let loads = Loads { external: Wrench::ZERO, tool_w: push(time) };
+        plant.step_under(&mut state, &command, &loads, PERIOD);
+        external = plant.from_tool(&state, &loads.tool_w);
     }
     let away = (plant.tool_pose(&state).0 - setpoint(&home_w, PERIOD * ticks as f64).0).norm();
     Ok((inputs, away))

@@ -10,7 +10,7 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::{prelude::*, types::PyDict};
 use tilthex_core::{
     GRAVITY, Vector3, Wrench,
-    plant::{Plant as Block, PlantState},
+    plant::{Loads, Plant as Block, PlantState},
 };
 
 /// The simulated vehicle: a rigid body on SO(3) with rotor lag; (3)-(10). It begins in a level hover. `effects` of a
@@ -45,7 +45,7 @@ impl Plant {
 
     /// Moves by `dt` seconds under commanded rotor speeds, (n,), Hz, and external wrenches that are constant over the
     /// step: `wrench`, (6,), force in world and torque in robot coordinates at the centre of mass; `tool_wrench`,
-    /// (6,), world, at the tool tip.
+    /// (6,), world, at the tool tip. The lever of `tool_wrench` turns with the body inside the step.
     #[pyo3(signature = (rotor_speeds, *, wrench=None, tool_wrench=None, dt=0.001))]
     fn step(
         &mut self,
@@ -55,12 +55,12 @@ impl Plant {
         dt: f64,
     ) -> PyResult<()> {
         let command = convert::rotors("rotor_speeds", rotor_speeds, self.block.vehicle().rotor_count())?;
-        let mut external = wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench("wrench", w))?;
-        if let Some(w) = tool_wrench {
-            external = external + self.block.from_tool(&self.state, &convert::wrench("tool_wrench", w)?);
-        }
-        self.block.step(&mut self.state, &command, &external, convert::period(dt)?);
-        self.external = external;
+        let given = |name, wrench: Option<&Bound<'_, PyAny>>| {
+            wrench.map_or(Ok(Wrench::ZERO), |w| convert::wrench(name, w))
+        };
+        let loads = Loads { external: given("wrench", wrench)?, tool_w: given("tool_wrench", tool_wrench)? };
+        self.block.step_under(&mut self.state, &command, &loads, convert::period(dt)?);
+        self.external = loads.external + self.block.from_tool(&self.state, &loads.tool_w);
         Ok(())
     }
 

@@ -167,12 +167,16 @@ impl Plant {
     /// Moves by `dt` under commanded speeds (Hz) and an external wrench (force in W, torque in R about the centre of
     /// mass), both constant over the step.
     pub fn step(&self, state: &mut PlantState, command: &RotorVector, external: &Wrench, dt: f64) {
-        let mut rotors = self.vehicle.body_wrench(&state.rotor_speeds);
-        let loads = Loads { external: *external, tool_w: Wrench::ZERO };
-        self.step_by(&self.time_step(dt), state, &mut rotors, command, &loads);
+        self.step_under(state, command, &Loads { external: *external, tool_w: Wrench::ZERO }, dt);
     }
 
-    /// [`Self::step`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the speeds of
+    /// [`Self::step`] under several loads.
+    pub fn step_under(&self, state: &mut PlantState, command: &RotorVector, loads: &Loads, dt: f64) {
+        let mut rotors = self.vehicle.body_wrench(&state.rotor_speeds);
+        self.step_by(&self.time_step(dt), state, &mut rotors, command, loads);
+    }
+
+    /// [`Self::step_under`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the speeds of
     /// the state, before and after the step.
     pub fn step_by(
         &self,
