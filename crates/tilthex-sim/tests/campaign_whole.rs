@@ -72,18 +72,3 @@ fn a_capture_system_that_is_only_a_little_wrong_lands_the_vehicle_on_its_feet() 
         assert!(outcome.seen.contains(found), "{outcome:?}");
     }
 }
-
-/// A vehicle that is pushed along the ground before it takes off is judged from the place where the push leaves it.
-#[test]
-fn what_is_pushed_along_the_ground_has_not_flown_away() {
-    let noise =
-        stories::fault(Kind::ImuNoise, 10.334315348006314, 0.6034890088613651, 0.0023479308330199844, 25);
-    let push =
-        |strength, index| stories::fault(Kind::Push, 5.412413813563147, 1.8299034440504045, strength, index);
-    let outcome = fly(&[noise, push(0.9177335709626636, 26)], 2310108);
-    assert!(outcome.failure.is_none() && outcome.ended, "{outcome:?}");
-    for k in 0..6 {
-        let outcome = fly(&[push(0.9, 6 * k + 1)], 47);
-        assert!(outcome.failure.is_none() && outcome.ended, "{outcome:?}");
-    }
-}

@@ -24,8 +24,6 @@ const THROWN: f64 = 4.0;
 const UNHEARD: (f64, f64) = (0.1, 60.0);
 /// Rotors that cannot balance this many times a push have nothing left to stop the motion that the push has begun.
 const SPARE: f64 = 1.1;
-/// A vehicle that was pushed on the ground slides until it is slower than this, m/s.
-const SLIDES: f64 = 0.1;
 /// Largest allowed speed of a vehicle that can carry itself, m/s.
 const FAST: f64 = 3.5;
 /// Largest height above the start at which motors may be stopped, m.
@@ -86,13 +84,6 @@ pub(super) struct Judge {
     thrown: (f64, f64),
     /// Number of commands that the board has received, and for how long it has received none, s.
     heard: (u64, f64),
-    /// Speed when the last command reached it, m/s.
-    let_go: f64,
-    /// Whether a push moves it on the ground before it has ever flown: there its rotors lift nothing, and no law acts.
-    shoved: bool,
-    /// How far it has moved while it was shoved, and by the speed that it gained while no command reached it and it could not carry
-    /// itself, m, world: this way is not its own.
-    carried_w: Vector3,
     /// Whether nothing could prevent that it turned over, because no command reached it.
     turned_over: bool,
     /// Time of the last look at the motion, s.
@@ -121,9 +112,6 @@ impl Judge {
             allocator: Allocator::new(vehicle),
             thrown: (0.0, 0.0),
             heard: (0, 0.0),
-            let_go: 0.0,
-            shoved: false,
-            carried_w: Vector3::zeros(),
             turned_over: false,
             looked: 0.0,
             flew: false,
@@ -235,23 +223,12 @@ impl Judge {
         let carries_itself = self.thrown.1 == 0.0
             && !self.turned_over
             && !self.outcome.injections.iter().any(|i| i.kind.takes_lift());
-        let speed = robot.velocity_w.norm();
-        let pushed = pushed_w(world) != Vector3::zeros();
-        self.shoved = !self.flew && (pushed || self.shoved && speed > SLIDES);
-        if self.shoved {
-            self.carried_w += robot.velocity_w * dt;
-        } else if unheard == 0.0 {
-            self.let_go = speed;
-        } else if unheard > UNHEARD.0 && !carries_itself {
-            // Only what has made it faster.
-            self.carried_w += robot.velocity_w * (1.0 - self.let_go / speed).max(0.0) * dt;
-        }
-        let own = way.xy() - self.carried_w.xy();
         let far = if carries_itself { FLY_AWAY } else { THROWN + self.thrown.1 };
-        if own.norm() > far || way.z > FLY_AWAY || !robot.is_finite() {
+        if way.xy().norm() > far || way.z > FLY_AWAY || !robot.is_finite() {
             self.fail(world, format_args!("flew away to {:.2?}", robot.position_w.as_slice()));
         }
-        if speed > FAST && carries_itself && !self.shoved {
+        let speed = robot.velocity_w.norm();
+        if speed > FAST && carries_itself {
             self.fail(world, format_args!("flew at {speed:.1} m/s"));
         }
         let stands = world.simulation.stands();
