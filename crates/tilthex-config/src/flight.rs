@@ -30,7 +30,8 @@ impl Config {
         self.link.loop_delays()
     }
 
-    /// The parameters of a flight; `take_off` starts it without a command. A configuration that was read makes a flight.
+    /// The parameters of a flight; `take_off` starts it without a command. `Flight::new` accepts them: this was checked when the
+    /// configuration was read.
     ///
     /// # Errors
     /// Names the section and the key with an impossible value.

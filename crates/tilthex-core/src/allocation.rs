@@ -4,8 +4,9 @@
 //! produce it, the allocator takes the inputs that are nearest to the hover inputs. If the
 //! rotors cannot produce the wrench, the allocator serves its parts in the strict order of
 //! [`Priority`]: it never makes the error of a part larger to improve a part that comes later
-//! (see `hierarchy`; where only the last part is missed, `last_part` gives the same inputs in closed form). Torques are about robot axes, because the axis about which the rotors
-//! are weak is fixed in the vehicle. A vehicle that can hover in every attitude has its
+//! (see `hierarchy`; where only the last part is missed, `last_part` gives the same inputs in
+//! closed form). Torques are about robot axes, because the axis about which the rotors are weak
+//! is fixed in the vehicle. A vehicle that can hover in every attitude has its
 //! vertical and lateral forces along world axes, so that the force that carries the weight
 //! has the same priority in every attitude. All other vehicles stay near upright, and their
 //! forces are along robot axes.
@@ -119,7 +120,7 @@ pub struct Allocation {
     pub at_lower: u16,
     /// Bit `i` is set if rotor `i` is at its upper limit.
     pub at_upper: u16,
-    /// Steps of the search; 0 if no search was needed.
+    /// Steps of the search, or edges that the closed form has tried; 0 if no limit is active.
     pub iterations: u32,
 }
 
@@ -335,28 +336,6 @@ impl Allocator {
         };
         state.searched = true;
         steps
-    }
-
-    /// The result of the search where only the last part of the wrench is missed; see `last_part`.
-    fn without_last(
-        &self,
-        wrench: &Vector6,
-        rotation_wr: Option<&Matrix3>,
-        limits: (&RotorVector, &RotorVector),
-    ) -> Option<(RotorVector, [Side; MAX_ROTORS], u32)> {
-        let own_inputs = self.rank == ROWS && self.rotor_count == last_part::ROTORS;
-        let [.., last] = self.params.order;
-        let [first, second] = *last.rows() else { return None };
-        if !own_inputs {
-            return None;
-        }
-        let inputs_of = |wrench: &Vector6| inputs_for(&self.inverse, wrench, self.rotor_count);
-        let columns = [first, second].map(|row| {
-            let mut unit = Vector6::zeros();
-            unit.iter_mut().skip(row).take(1).for_each(|x| *x = 1.0);
-            inputs_of(&rotation_wr.map_or(unit, |r| turned(&r.transpose(), &unit)))
-        });
-        last_part::solve(&inputs_of(wrench), &columns, limits)
     }
 
     /// The linear map from wrenches to inputs: the result of a search without limits.

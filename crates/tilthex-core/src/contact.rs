@@ -310,14 +310,6 @@ pub struct Contact {
     pub part: f64,
 }
 
-impl Contact {
-    /// The likelihood of contact, 0 to 1.
-    #[must_use]
-    pub fn likelihood(&self) -> f64 {
-        likelihood_of(self.log_odds)
-    }
-}
-
 /// The likelihood, 0 to 1, of log-odds.
 pub(crate) fn likelihood_of(log_odds: f64) -> f64 {
     1.0 / (1.0 + exp(-log_odds))

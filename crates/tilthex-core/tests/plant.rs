@@ -46,7 +46,8 @@ proptest! {
     #[test]
     fn one_step_of_a_period_is_two_of_its_half(
         rotation_wr in rotation(), omega in vector(5.0), velocity_w in vector(2.0), force in vector(10.0),
-        torque in vector(0.5), push in vector(10.0), twist in vector(0.5), speeds in prop::array::uniform6(30.0..100.0f64), order in prop::array::uniform6(30.0..100.0f64),
+        torque in vector(0.5), push in vector(10.0), twist in vector(0.5),
+        speeds in prop::array::uniform6(30.0..100.0f64), order in prop::array::uniform6(30.0..100.0f64),
     ) {
         let plant = Plant::new(tilt_hex());
         let rotors = |speeds: [f64; 6]| RotorVector::from_fn(|i, _| speeds.get(i).copied().unwrap_or(0.0));

@@ -6,13 +6,22 @@
 //! the origin. It is found strip by strip: if the point of the strips before is not in the next one, the new point is on
 //! that strip's edge (Seidel, "Small-dimensional linear programming and convex hulls made easy", 1991).
 
-use super::hierarchy::Side;
-use crate::types::{MAX_ROTORS, RotorVector};
+use super::{
+    Allocator,
+    hierarchy::{ROWS, Side},
+    levels::turned,
+};
+use crate::{
+    types::{MAX_ROTORS, Matrix3, RotorVector, Vector6},
+    vehicle::inputs_for,
+};
 
 /// Rotors of a vehicle on which every wrench has one set of inputs.
-pub(super) const ROTORS: usize = 6;
+const ROTORS: usize = 6;
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-12;
+/// A rotor may miss its limits by this part of its range: by rounding.
+const ROUNDING: f64 = 1e-9;
 /// The difference `u - N e` loses digits: inputs of the whole wrench that are larger than this times the range of their rotor
 /// are left to the search.
 const LARGEST: f64 = 100.0;
@@ -31,13 +40,40 @@ struct Nearest {
     steps: u32,
 }
 
-/// The inputs, where they are held, and the number of steps; `None` if another part would be missed, or digits lost.
+/// The inputs, where they are held, and the number of edges that were tried.
+pub(super) type Solved = (RotorVector, [Side; MAX_ROTORS], u32);
+
+impl Allocator {
+    /// The result of the search where only the last part of the wrench is missed.
+    pub(super) fn without_last(
+        &self,
+        wrench: &Vector6,
+        rotation_wr: Option<&Matrix3>,
+        limits: (&RotorVector, &RotorVector),
+    ) -> Option<Solved> {
+        let own_inputs = self.rank == ROWS && self.rotor_count == ROTORS;
+        let [.., last] = self.params.order;
+        let [first, second] = *last.rows() else { return None };
+        if !own_inputs {
+            return None;
+        }
+        let inputs_of = |wrench: &Vector6| inputs_for(&self.inverse, wrench, self.rotor_count);
+        let columns = [first, second].map(|row| {
+            let mut unit = Vector6::zeros();
+            unit.iter_mut().skip(row).take(1).for_each(|x| *x = 1.0);
+            inputs_of(&rotation_wr.map_or(unit, |r| turned(&r.transpose(), &unit)))
+        });
+        solve(&inputs_of(wrench), &columns, limits)
+    }
+}
+
+/// The inputs where they exist; `None` if another part would be missed, or digits lost.
 /// `inputs` are those of the whole wrench, and `columns` their change with each component of the last part.
-pub(super) fn solve(
+fn solve(
     inputs: &RotorVector,
     columns: &[RotorVector; 2],
     (lower, upper): (&RotorVector, &RotorVector),
-) -> Option<(RotorVector, [Side; MAX_ROTORS], u32)> {
+) -> Option<Solved> {
     let strips: [Strip; ROTORS] = core::array::from_fn(|i| Strip {
         normal: [columns[0][i], columns[1][i]],
         least: inputs[i] - upper[i],
@@ -49,7 +85,13 @@ pub(super) fn solve(
     let found = nearest(&strips)?;
     let (mut solved, mut side) = (RotorVector::zeros(), [Side::Free; MAX_ROTORS]);
     for (i, strip) in strips.iter().enumerate() {
-        solved[i] = (inputs[i] - dot(strip.normal, found.point)).max(lower[i]).min(upper[i]);
+        let input = inputs[i] - dot(strip.normal, found.point);
+        let noise = ROUNDING * (strip.most - strip.least);
+        // Also if it is not a number.
+        if !(lower[i] - noise..=upper[i] + noise).contains(&input) {
+            return None;
+        }
+        solved[i] = input.max(lower[i]).min(upper[i]);
     }
     for (i, held) in found.held.into_iter().flatten() {
         // Without the rounding of the difference.
@@ -77,6 +119,10 @@ fn nearest(strips: &[Strip; ROTORS]) -> Option<Nearest> {
         nearest.steps += 1;
         let [x, y] = strip.normal;
         let square = dot(strip.normal, strip.normal);
+        if square == 0.0 {
+            // The last part has no effect on this rotor, which misses its limits.
+            return None;
+        }
         let (foot, line) = ([x * edge / square, y * edge / square], [-y, x]);
         // The part of the edge that is in all strips before.
         let (mut from, mut to) = ((f64::NEG_INFINITY, None), (f64::INFINITY, None));

@@ -76,7 +76,7 @@ proptest! {
             prop_assert!(told.part == 0.0, "{k} {told:?}");
         }
         let told = rig.hold(6.0, &wind, &Vector3::zeros());
-        prop_assert!(told.likelihood() < 0.05, "{told:?}");
+        prop_assert!(likelihood_of(told.log_odds) < 0.05, "{told:?}");
         prop_assert!((told.wind_w - wind).xy().norm() < 0.6, "{told:?} {wind}");
     }
 

@@ -157,7 +157,7 @@ impl Flight {
 
     /// Takes a command that is finite, limited to the rotors' limits; otherwise keeps the last one.
     fn accept(&mut self, command: &RotorVector) -> bool {
-        // All at once: a search that ends at the first would take one rotor after the other.
+        // No early end: without one, the processor checks several rotors with one instruction.
         let finite = command.as_slice().iter().fold(true, |all, w| all & w.is_finite());
         if finite {
             let limits = self.min_speeds.as_slice().iter().zip(self.max_speeds.as_slice());

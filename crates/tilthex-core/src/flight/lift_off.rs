@@ -13,7 +13,7 @@ use crate::{
     GRAVITY, so3,
     supervisor::{
         Fault, FaultSet, LIFT_OFF_FAULTS, Phase,
-        limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME, POSE_LOST},
+        limits::{LIFT_OFF, LIFT_OFF_ASIDE, LIFT_OFF_TILT, LIFT_OFF_TIME, POSE_LOST, SUSPECTED},
     },
     types::{Matrix3, PoseSample, Vector3},
     ukf::Navigation,
@@ -27,10 +27,6 @@ const FOLLOWS: f64 = 0.01;
 const ASTRAY: f64 = 0.7;
 /// A captured body that has come this far the wrong way up, m, and as a part of what is felt, shows a mirror image.
 const REVERSED: (f64, f64) = (0.02, 0.5);
-
-/// Poses are compared with the motion also where their mean normalised innovation squared is above this: an instability that
-/// grows slowly must not be over before it is found.
-const SUSPECTED: f64 = 1.5;
 
 /// A vehicle that is faster than this, m/s and rad/s, is not stopped, unless it is lower than this, m.
 const FAST: (f64, f64) = (2.0, 4.0);
@@ -126,7 +122,9 @@ impl Flight {
         // A delay or a yaw shows in the first hover, or in the landing to which it leads: the smaller it is, the later it does.
         let inconsistent = self.supervisor.active().contains(Fault::EstimateInconsistent);
         let hovers = !self.guidance.ready() && matches!(phase, Phase::Flying | Phase::Holding);
-        let suspected = inconsistent || self.estimator.health().nis_mean > SUSPECTED;
+        let (begins, ends) = SUSPECTED;
+        let surprise = if watch.witness.is_some() { ends } else { begins };
+        let suspected = inconsistent || self.estimator.health().nis_mean > surprise;
         if suspected && matches!(phase, Phase::Flying | Phase::Holding | Phase::Landing) {
             let now = self.estimator.time();
             watch.witness.get_or_insert_with(|| Witness::in_motion(now));
@@ -140,7 +138,8 @@ impl Flight {
         if watch.since.is_none() {
             if told.late.is_some() {
                 watch.fault = Some(Fault::CaptureLate);
-            } else if let Some(yaw) = told.yaw {
+            } else if let Some(yaw) = told.yaw.filter(|_| self.estimator.health().pose_age < POSE_LOST) {
+                // Rotations are still accepted: the estimate has the yaw of the poses.
                 watch.fault = Some(Fault::CaptureAxes);
                 self.turn(yaw);
             }

@@ -190,7 +190,7 @@ impl Default for Record {
 }
 
 impl Record {
-    /// Likelihood of contact, 0 to 1; near 1 if it is not estimated.
+    /// Likelihood of contact, 0 to 1: near 1 if it is not estimated, and 0 before the laws run.
     #[must_use]
     pub fn contact_likelihood(&self) -> f64 {
         likelihood_of(self.contact_log_odds)

@@ -104,7 +104,7 @@ impl Watch {
     pub(super) fn new(params: WatchParams) -> Self {
         Self {
             params,
-            least_upright: libm::cos(params.max_tilt),
+            least_upright: libm::cos(params.max_tilt.min(core::f64::consts::PI)),
             poses: Poses::default(),
             refused_in_a_row: 0,
             starting: 0.0,

@@ -72,14 +72,12 @@ pub(super) struct Witness {
     /// Products of captured and felt accelerations for each delay, and their squares.
     products: [Matrix3; DELAYS],
     captured_square: f64,
-    felt_square: f64,
+    felt_squares: [f64; DELAYS],
     /// Squares of the horizontal accelerations.
     captured_level: f64,
     felt_level: f64,
     /// For how long they have shown a yaw, s.
     turned: f64,
-    /// A delay, in steps, and for how long it or one beside it has been the best one, s.
-    same: (usize, f64),
 }
 
 impl Default for Witness {
@@ -97,11 +95,10 @@ impl Default for Witness {
             seen: [(f64::NEG_INFINITY, zero); SEEN],
             products: [Matrix3::zeros(); DELAYS],
             captured_square: 0.0,
-            felt_square: 0.0,
+            felt_squares: [0.0; DELAYS],
             captured_level: 0.0,
             felt_level: 0.0,
             turned: 0.0,
-            same: (0, 0.0),
         }
     }
 }
@@ -189,30 +186,33 @@ impl Witness {
             return;
         }
         let kept = 1.0 - (dt / FORGETS).min(1.0);
-        for (product, rate) in self.products.iter_mut().zip(&rates) {
-            *product = *product * kept + seen * rate.unwrap_or_default().transpose() * dt;
+        let add = |square: &mut f64, new: f64| *square = *square * kept + new * dt;
+        for ((product, square), rate) in self.products.iter_mut().zip(&mut self.felt_squares).zip(&rates) {
+            let rate = rate.unwrap_or_default();
+            *product = *product * kept + seen * rate.transpose() * dt;
+            add(square, rate.norm_squared());
         }
         let now = rates.first().copied().flatten().unwrap_or_default();
-        let add = |square: &mut f64, new: f64| *square = *square * kept + new * dt;
         add(&mut self.captured_square, seen.norm_squared());
-        add(&mut self.felt_square, now.norm_squared());
         add(&mut self.captured_level, seen.xy().norm_squared());
         add(&mut self.felt_level, now.xy().norm_squared());
         self.turned = if self.yaw().is_some() { self.turned + dt } else { 0.0 };
-        let best = self.best().map_or(0, |best| best.0);
-        let (delay, lasts) = self.same;
-        self.same = if best.abs_diff(delay) <= 1 { (delay, lasts + dt) } else { (best, 0.0) };
     }
 
     /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
     fn best(&self) -> Option<(usize, f64, f64, Matrix3)> {
-        let scale = libm::sqrt(self.captured_square * self.felt_square);
-        if self.felt_square < SHAKES || scale <= 0.0 {
+        let felt_square = *self.felt_squares.first()?;
+        if felt_square < SHAKES || self.captured_square <= 0.0 {
             return None;
         }
-        let at_once = self.products.first()?.norm() / scale;
-        let of = |(k, product): (usize, &Matrix3)| (k, product.norm() / scale, at_once, *product);
-        self.products.iter().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
+        // What was felt before the first pose is in the delayed products only: each has its own square.
+        let size = |(product, square): (&Matrix3, &f64)| {
+            product.norm() / libm::sqrt(self.captured_square * square.max(felt_square))
+        };
+        let at_once = size((self.products.first()?, &felt_square));
+        let delays = self.products.iter().zip(&self.felt_squares).enumerate();
+        let of = |(k, delayed): (usize, (&Matrix3, &f64))| (k, size(delayed), at_once, *delayed.0);
+        delays.map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
     }
 
     /// What the observations show.
@@ -228,9 +228,7 @@ impl Witness {
         let (determinant, square) = level(&p);
         let mirrored = 2.0 * determinant < MIRRORS * square;
         let turned = !(late || mirrored) && steps <= 1 && self.turned > HOLDS;
-        // Jumps of poses in motion correlate by chance, but not at one delay for long.
-        let sure = self.begin == f64::NEG_INFINITY || self.same.1 > HOLDS;
-        Told { late: Some(delay).filter(|_| late && sure), mirrored, yaw: self.yaw().filter(|_| turned) }
+        Told { late: late.then_some(delay), mirrored, yaw: self.yaw().filter(|_| turned) }
     }
 
     /// The yaw that turns the felt motion onto the captured one, rad, if it is large.
@@ -290,6 +288,47 @@ mod tests {
             }
         }
         witness
+    }
+
+    /// What is told of good poses, of a vehicle that sways and is struck by `strike`, m/s^2, for 80 ms, `at` s after a comparison
+    /// began in motion.
+    fn struck(strike: f64, at: f64, seed: u64) -> bool {
+        let (mut witness, mut random) = (Witness::in_motion(100.0), Random::new(seed));
+        let waves: [_; 9] = core::array::from_fn(|_| {
+            (0.4 * random.normal(), 2.0 + 8.0 * random.uniform(), 6.0 * random.uniform())
+        });
+        let strike_w = random.normal3(1.0).normalize() * strike;
+        let (mut velocity_w, mut position_w) = (Vector3::zeros(), Vector3::zeros());
+        let mut told = false;
+        for k in 1..2000 {
+            let since = f64::from(k) * 0.002;
+            let struck = if since >= at && since < at + 0.08 { strike_w } else { Vector3::zeros() };
+            let acceleration = waves.iter().enumerate().fold(struck, |mut sum, (j, (size, rate, phase))| {
+                sum[j % 3] += size * libm::sin(rate * since + phase);
+                sum
+            });
+            velocity_w += acceleration * 0.002;
+            position_w += velocity_w * 0.002;
+            let time = 100.0 + since;
+            witness.feel(&(acceleration + random.normal3(0.05)), time, 0.002);
+            if k % 5 == 0 {
+                let (position_w, rotation_wr) = (position_w + random.normal3(2e-4), Matrix3::identity());
+                let tracking_valid = true;
+                witness.see(&PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid });
+                told |= witness.tells() != Told::default();
+            }
+        }
+        told
+    }
+
+    #[test]
+    fn poses_of_a_vehicle_that_is_struck_are_good() {
+        for strike in [0.0, 4.0, 8.0, 16.0] {
+            for at in [0.0, 0.1, 0.2, 0.3, 0.4, 0.6, 1.0, 2.0] {
+                let told = (0..12).filter(|seed| struck(strike, at, 7919 * seed + 13)).count();
+                assert_eq!(told, 0, "{strike} m/s^2 after {at} s");
+            }
+        }
     }
 
     /// Size of the difference of two angles, rad.

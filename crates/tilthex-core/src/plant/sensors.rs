@@ -116,7 +116,7 @@ pub struct Sensors {
 }
 
 impl Sensors {
-    /// Sensors; the same seed gives the same noise.
+    /// Sensors; the same seed gives the same noise, if the same deviations are 0.
     #[must_use]
     pub fn new(params: SensorParams, seed: u64) -> Self {
         Self {

@@ -64,6 +64,9 @@ pub const POSE_LOST_FOR_GOOD: f64 = 2.0;
 pub const POSES_REFUSED: u32 = 5;
 /// Mean normalised innovation squared above which model and measurement disagree; 1 is agreement.
 pub const INCONSISTENCY: f64 = 4.0;
+/// Mean normalised innovation squared above which poses are compared with the motion, and below which no longer: an instability
+/// that grows slowly must not be over before it is found.
+pub const SUSPECTED: (f64, f64) = (1.5, 1.2);
 /// Deviation of the position above which it is given up, m.
 pub const POSITION_DEVIATION: f64 = 0.5;
 /// Deviation of the velocity above which the speed is not known, m/s.

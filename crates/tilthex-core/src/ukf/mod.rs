@@ -249,7 +249,6 @@ impl UkfState {
     /// Reduces variances that are above their ceiling.
     #[inline(always)]
     fn limit(&mut self) {
-        // Constant parts: the sums need no loop.
         for (first, ceiling) in [0, 3, 6, 9, 12].into_iter().zip(CEILING) {
             let trace = self.trace(first);
             if trace > 3.0 * ceiling {
