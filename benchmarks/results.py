@@ -162,7 +162,7 @@ PAGES = (
     Page(
         "campaign",
         "The fault campaign",
-        ("target/release/tilthex-rt campaign --number 10000 --seed 1600001",),
+        ("target/release/tilthex-rt campaign --number 10000 --seed 2270001",),
     ),
 )
 
