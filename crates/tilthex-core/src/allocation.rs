@@ -15,6 +15,7 @@ mod hierarchy;
 mod last_part;
 mod levels;
 mod priority;
+mod search;
 mod section;
 
 use crate::{
@@ -27,6 +28,7 @@ use hierarchy::{ROWS, Side};
 use levels::{Levels, turned};
 use libm::{exp, sqrt};
 pub use priority::Priority;
+use search::Asked;
 pub use section::ForceSection;
 
 /// Largest number of steps of one search. No known input needs half of them. A
@@ -122,6 +124,11 @@ pub struct Allocation {
     pub at_upper: u16,
     /// Steps of the search, or edges that the closed form has tried; 0 if no limit is active.
     pub iterations: u32,
+}
+
+/// Whether exactly one set of inputs produces each wrench, for a vehicle of this rank with so many rotors.
+fn has_own_inputs(rank: usize, rotors: usize) -> bool {
+    rank == ROWS && rotors == ROWS
 }
 
 /// An error counts as no error below this fraction of the vehicle's weight, N (for torques: of the weight times 1 m).
@@ -246,7 +253,9 @@ impl Allocator {
         if within(self.rotor_count, &inputs, &self.lower, &self.upper) {
             return self.unlimited(&wrench, inputs);
         }
-        self.search(&mut AllocatorState::default(), &wrench, None, (&self.lower, &self.upper))
+        let limits = (&self.lower, &self.upper);
+        let asked = Asked { wrench: &wrench, inputs: &inputs, rotation_wr: None, limits };
+        self.search(&mut AllocatorState::default(), &asked)
     }
 
     /// Rotor inputs for a body wrench in any attitude, within the limits of the rotors' status. The search starts from the
@@ -273,7 +282,8 @@ impl Allocator {
             state.searched = false;
             return self.unlimited(&wrench, inputs);
         }
-        self.search(state, &wrench, Some(rotation_wr).filter(|_| self.by_world), (lower, upper))
+        let rotation_wr = Some(rotation_wr).filter(|_| self.by_world);
+        self.search(state, &Asked { wrench: &wrench, inputs: &inputs, rotation_wr, limits: (lower, upper) })
     }
 
     /// The inputs to stay near. `None` without redundant rotors: then no two inputs produce the same wrench.
@@ -296,46 +306,6 @@ impl Allocator {
             at_upper: 0,
             iterations: 0,
         }
-    }
-
-    fn search(
-        &self,
-        state: &mut AllocatorState,
-        wrench: &Vector6,
-        rotation_wr: Option<&Matrix3>,
-        limits: (&RotorVector, &RotorVector),
-    ) -> Allocation {
-        let steps = if let Some((inputs, side, steps)) = self.without_last(wrench, rotation_wr, limits) {
-            *state = AllocatorState { inputs, side, searched: true };
-            steps
-        } else {
-            self.search_levels(state, wrench, rotation_wr, limits)
-        };
-        self.report(wrench, state.inputs, rotation_wr, Some(limits), steps)
-    }
-
-    /// Searches level by level, whichever parts are missed; returns the number of steps.
-    fn search_levels(
-        &self,
-        state: &mut AllocatorState,
-        wrench: &Vector6,
-        rotation_wr: Option<&Matrix3>,
-        limits: (&RotorVector, &RotorVector),
-    ) -> u32 {
-        if !state.searched {
-            // A search that starts inside the limits finds the active ones in the fewest steps.
-            state.inputs = self.hover;
-            state.side = [Side::Free; MAX_ROTORS];
-        }
-        let steps = match rotation_wr {
-            None => self.levels.solve(state, wrench, limits, self.preferred()),
-            Some(r) => {
-                let levels = self.levels.along(r, &self.matrix);
-                levels.solve(state, &turned(r, wrench), limits, self.preferred())
-            }
-        };
-        state.searched = true;
-        steps
     }
 
     /// The linear map from wrenches to inputs: the result of a search without limits.

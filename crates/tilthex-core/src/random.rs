@@ -43,12 +43,14 @@ impl Random {
         radius * cosine
     }
 
-    /// Three independent normal numbers of deviation `sigma`; a deviation of 0 draws none.
+    /// Normal with mean 0 and deviation `sigma`; a deviation of 0 draws no number.
     #[inline]
+    pub fn noise(&mut self, sigma: f64) -> f64 {
+        if sigma == 0.0 { 0.0 } else { sigma * self.normal() }
+    }
+
+    /// Three independent [`Self::noise`].
     pub fn normal3(&mut self, sigma: f64) -> Vector3 {
-        if sigma == 0.0 {
-            return Vector3::zeros();
-        }
-        Vector3::new(self.normal(), self.normal(), self.normal()) * sigma
+        Vector3::new(self.noise(sigma), self.noise(sigma), self.noise(sigma))
     }
 }

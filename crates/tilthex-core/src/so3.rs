@@ -47,9 +47,7 @@ fn polynomial<const N: usize>(x: f64, coefficients: [f64; N]) -> f64 {
 #[inline]
 pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
     if t2 < TINY_ANGLE_SQUARED {
-        let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0]);
-        let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0]);
-        (a, b, polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0]))
+        series::<3>(t2)
     } else if t2 < SMALL_ANGLE_SQUARED {
         small_ratios(t2)
     } else {
@@ -59,13 +57,23 @@ pub(crate) fn ratios(t2: f64) -> (f64, f64, f64) {
     }
 }
 
-/// The same for t^2 below [`SMALL_ANGLE_SQUARED`], as series.
+/// The same for t^2 below [`SMALL_ANGLE_SQUARED`].
 #[inline]
 pub(crate) fn small_ratios(t2: f64) -> (f64, f64, f64) {
-    let a = polynomial(t2, [1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]);
-    let b = polynomial(t2, [0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0]);
-    let c = polynomial(t2, [1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0]);
-    (a, b, c)
+    series::<5>(t2)
+}
+
+/// The first terms, at most five, of the series of the same.
+#[inline]
+fn series<const TERMS: usize>(t2: f64) -> (f64, f64, f64) {
+    let sum = |coefficients: [f64; 5]| {
+        polynomial::<TERMS>(t2, core::array::from_fn(|k| coefficients.get(k).copied().unwrap_or(0.0)))
+    };
+    (
+        sum([1.0, -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362_880.0]),
+        sum([0.5, -1.0 / 24.0, 1.0 / 720.0, -1.0 / 40_320.0, 1.0 / 3_628_800.0]),
+        sum([1.0 / 6.0, -1.0 / 120.0, 1.0 / 5040.0, -1.0 / 362_880.0, 1.0 / 39_916_800.0]),
+    )
 }
 
 /// t/sin(t) of sin(t)^2, for small angles: the series of the arc sine.

@@ -7,17 +7,15 @@
 //! that strip's edge (Seidel, "Small-dimensional linear programming and convex hulls made easy", 1991).
 
 use super::{
-    Allocator,
+    Allocator, Asked, has_own_inputs,
     hierarchy::{ROWS, Side},
     levels::turned,
 };
 use crate::{
-    types::{MAX_ROTORS, Matrix3, RotorVector, Vector6},
+    types::{MAX_ROTORS, RotorVector, Vector6},
     vehicle::inputs_for,
 };
 
-/// Rotors of a vehicle on which every wrench has one set of inputs.
-const ROTORS: usize = 6;
 /// Squared sine of the angle below which two edges count as parallel.
 const PARALLEL: f64 = 1e-12;
 /// A rotor may miss its limits by this part of its range: by rounding.
@@ -45,36 +43,30 @@ pub(super) type Solved = (RotorVector, [Side; MAX_ROTORS], u32);
 
 impl Allocator {
     /// The result of the search where only the last part of the wrench is missed.
-    pub(super) fn without_last(
-        &self,
-        wrench: &Vector6,
-        rotation_wr: Option<&Matrix3>,
-        limits: (&RotorVector, &RotorVector),
-    ) -> Option<Solved> {
-        let own_inputs = self.rank == ROWS && self.rotor_count == ROTORS;
+    pub(super) fn without_last(&self, asked: &Asked<'_>) -> Option<Solved> {
         let [.., last] = self.params.order;
         let [first, second] = *last.rows() else { return None };
-        if !own_inputs {
+        if !has_own_inputs(self.rank, self.rotor_count) {
             return None;
         }
-        let inputs_of = |wrench: &Vector6| inputs_for(&self.inverse, wrench, self.rotor_count);
         let columns = [first, second].map(|row| {
             let mut unit = Vector6::zeros();
             unit.iter_mut().skip(row).take(1).for_each(|x| *x = 1.0);
-            inputs_of(&rotation_wr.map_or(unit, |r| turned(&r.transpose(), &unit)))
+            let unit_r = asked.rotation_wr.map_or(unit, |r| turned(&r.transpose(), &unit));
+            inputs_for(&self.inverse, &unit_r, self.rotor_count)
         });
-        solve(&inputs_of(wrench), &columns, limits)
+        solve(asked.inputs, &columns, asked.limits)
     }
 }
 
-/// The inputs where they exist; `None` if another part would be missed, or digits lost.
-/// `inputs` are those of the whole wrench, and `columns` their change with each component of the last part.
+/// `inputs` are those of the whole wrench, and `columns` their change with each component of the last part. `None` if another
+/// part would be missed too, or if digits would be lost.
 fn solve(
     inputs: &RotorVector,
     columns: &[RotorVector; 2],
     (lower, upper): (&RotorVector, &RotorVector),
 ) -> Option<Solved> {
-    let strips: [Strip; ROTORS] = core::array::from_fn(|i| Strip {
+    let strips: [Strip; ROWS] = core::array::from_fn(|i| Strip {
         normal: [columns[0][i], columns[1][i]],
         least: inputs[i] - upper[i],
         most: inputs[i] - lower[i],
@@ -105,7 +97,7 @@ fn solve(
 }
 
 /// The point of all strips that is nearest to the origin; `None` if there is none, or if parallel edges decide.
-fn nearest(strips: &[Strip; ROTORS]) -> Option<Nearest> {
+fn nearest(strips: &[Strip; ROWS]) -> Option<Nearest> {
     let mut nearest = Nearest { point: [0.0; 2], held: [None; 2], steps: 0 };
     for (i, strip) in strips.iter().enumerate() {
         let along = dot(strip.normal, nearest.point);

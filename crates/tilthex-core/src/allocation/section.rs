@@ -1,6 +1,6 @@
 //! The body forces that a vehicle can produce without a torque.
 
-use super::{AllocatorState, RotorStatus, levels::Levels, within};
+use super::{AllocatorState, RotorStatus, has_own_inputs, levels::Levels, within};
 use crate::{
     Vehicle,
     types::{MAX_ROTORS, Matrix3, RotorVector, Vector3, Vector6, Wrench},
@@ -57,7 +57,7 @@ impl ForceSection {
             let size = row.norm().max(f64::MIN_POSITIVE);
             Face { normal: row / size, lower: lower[i] / size, upper: upper[i] / size }
         };
-        let own_inputs = vehicle.rank() == 6 && vehicle.rotor_count() == 6;
+        let own_inputs = has_own_inputs(vehicle.rank(), vehicle.rotor_count());
         Self {
             matrix: *vehicle.allocation(),
             inverse,

@@ -204,15 +204,17 @@ proptest! {
         let mut wanted = turned(r, &Wanted::Reach(u, 1.0).of(&v, &a));
         for (row, off) in order[3].rows().iter().zip(off) { wanted[*row] += off; }
         // With `others` they may be impossible.
-        let (wanted, limits) = (turned(&r.transpose(), &(wanted + Vector6::from(others))), (&a.lower, &a.upper));
-        let closed = a.without_last(&wanted, by_world.then_some(r), limits);
-        let far = (v.allocation_inverse() * wanted).amax() > 30.0 * a.upper.amax();
+        let wanted = turned(&r.transpose(), &(wanted + Vector6::from(others)));
+        let (inputs, limits) = (v.allocation_inverse() * wanted, (&a.lower, &a.upper));
+        let asked = Asked { wrench: &wanted, inputs: &inputs, rotation_wr: by_world.then_some(r), limits };
+        let closed = a.without_last(&asked);
+        let far = inputs.amax() > 30.0 * a.upper.amax();
         // Edges that are parallel, and rotors without effect, are left to the search.
         let apart = v.allocation_inverse().iter().all(|x| x.abs() > 1e-9 * a.upper.amax());
         prop_assert!(closed.is_some() || far || !apart || others != [0.0; 6]);
         let Some((inputs, side, _)) = closed else { return Ok(()) };
         let mut state = AllocatorState::default();
-        a.search_levels(&mut state, &wanted, by_world.then_some(r), limits);
+        a.search_levels(&mut state, &asked);
         let parts = |inputs: &RotorVector| cost(&v, r, by_world, &wanted, inputs, &order);
         for (closed, searched) in parts(&inputs).iter().zip(parts(&state.inputs)) {
             prop_assert!((closed - searched).abs() < 1e-8 * (1.0 + wanted.amax()), "{inputs:?} {:?}", state.inputs);

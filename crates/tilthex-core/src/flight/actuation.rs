@@ -8,7 +8,6 @@ use super::{
 use crate::{
     bias::BiasEstimator,
     controller::{ControllerInput, ControllerState},
-    so3,
     supervisor::{
         Fault, Phase,
         limits::{LINE_LATE, POSE_LOST_LONG, UNSEEN_DESCENT, VELOCITY_DEVIATION},
@@ -134,7 +133,7 @@ impl Flight {
         let unfelt = active.contains(Fault::ImuSilent);
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
         // A tenth of a second decides how far aside the vehicle comes down.
-        let turned_over = || so3::tilt(&self.robot_state().rotation_wr) > self.params.watch.max_tilt;
+        let turned_over = || self.watch.is_tilted(&self.robot_state().rotation_wr);
         powerless && turned_over()
             || active.contains(Fault::Tilt) && unfelt
             || active.contains(Fault::ImuSaturated) && self.adrift && unfelt

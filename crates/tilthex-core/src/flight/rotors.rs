@@ -148,8 +148,8 @@ impl RotorModel {
         !self.garbled && now - motor.heard <= MOTORS_FRESH
     }
 
-    /// Learns by how much motors turn too slowly, after a fault of theirs has begun: while `wrong_speeds` is given, the number of
-    /// motors with wrong speeds.
+    /// Learns by how much motors turn too slowly. `wrong_speeds` is the number of motors with wrong speeds; it is `None` while the
+    /// motors have no such fault.
     pub(super) fn adapt(&mut self, motors: &[Motor], now: f64, wrong_speeds: Option<usize>, dt: f64) {
         let (rate, least) = GAIN;
         if self.garbled || wrong_speeds.is_none_or(|wrong| 2 * wrong >= motors.len()) {
@@ -195,7 +195,7 @@ impl RotorModel {
         speeds
     }
 
-    /// Number of motors whose measured speed is far from the model's, of those in [`Unlike::wrong`].
+    /// Number of the motors in [`Unlike::wrong`] whose data are trusted.
     #[must_use]
     pub(super) fn wrong_speeds(&self, wrong: u16) -> usize {
         (wrong & !self.doubted).count_ones() as usize

@@ -143,7 +143,7 @@ fn suspect(vehicle: &Vehicle, arm: f64, speeds: &RotorVector, external_r: &Wrenc
             continue;
         };
         let square = given.norm_squared().max(1e-12);
-        // The part along a wrench is not larger than the whole.
+        // The part of the external wrench along this one is not larger than the external wrench.
         if size * size < MISSING.start() * MISSING.start() * square {
             continue;
         }

@@ -5,7 +5,7 @@ use crate::{
     controller::ControllerOutput,
     estimator::{Estimator, Health, Status},
     supervisor::{Fault, FaultSet, Phase, limits as l},
-    types::{RobotState, Vector3},
+    types::{Matrix3, RobotState, Vector3},
 };
 
 /// Limits; crossing one is a fault (`supervisor::TABLE` has the reactions).
@@ -114,6 +114,12 @@ impl Watch {
         }
     }
 
+    /// Whether the vehicle is tilted by more than the largest tilt.
+    #[must_use]
+    pub(super) fn is_tilted(&self, rotation_wr: &Matrix3) -> bool {
+        rotation_wr[(2, 2)] < self.least_upright
+    }
+
     /// Counters for the log.
     #[must_use]
     pub(super) fn counters(&self, telemetry: &Telemetry) -> LinkCounters {
@@ -210,7 +216,7 @@ impl Watch {
         let p = &self.params;
         let state = seen.robot;
         if seen.phase.in_flight() {
-            set.insert_if(Fault::Tilt, state.rotation_wr[(2, 2)] < self.least_upright);
+            set.insert_if(Fault::Tilt, self.is_tilted(&state.rotation_wr));
             set.insert_if(Fault::Speed, state.velocity_w.norm() > p.max_speed);
         }
         if let Some(o) = seen.output.filter(|_| seen.phase.in_flight()) {
@@ -240,7 +246,7 @@ mod tests {
         examples,
         plant::Plant,
         so3,
-        types::{Matrix3, Setpoint},
+        types::Setpoint,
     };
 
     const PARAMS: WatchParams = WatchParams {

@@ -170,14 +170,14 @@ impl Plant {
         self.step_under(state, command, &Loads { external: *external, tool_w: Wrench::ZERO }, dt);
     }
 
-    /// [`Self::step`] under several loads.
+    /// [`Self::step`] with a wrench at the tool, too.
     pub fn step_under(&self, state: &mut PlantState, command: &RotorVector, loads: &Loads, dt: f64) {
         let mut rotors = self.vehicle.body_wrench(&state.rotor_speeds);
         self.step_by(&self.time_step(dt), state, &mut rotors, command, loads);
     }
 
-    /// [`Self::step_under`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the speeds of
-    /// the state, before and after the step.
+    /// [`Self::step_under`] for many steps. `rotors` is the nominal wrench of the rotors ([`Vehicle::body_wrench`]) at the
+    /// speeds of the state, before and after the step.
     pub fn step_by(
         &self,
         step: &TimeStep,

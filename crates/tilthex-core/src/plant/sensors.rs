@@ -173,10 +173,8 @@ impl Sensors {
         let age = self.params.rotor_speed_age;
         let past = if age == 0.0 { None } else { self.past.at(age) };
         let mut measured = past.unwrap_or(state.rotor_speeds);
-        if self.params.rotor_speed != 0.0 {
-            for i in 0..plant.vehicle().rotor_count() {
-                measured[i] += self.params.rotor_speed * self.random.normal();
-            }
+        for i in 0..plant.vehicle().rotor_count() {
+            measured[i] += self.random.noise(self.params.rotor_speed);
         }
         measured
     }

@@ -249,7 +249,8 @@ impl UkfState {
     /// Reduces variances that are above their ceiling.
     #[inline(always)]
     fn limit(&mut self) {
-        for (first, ceiling) in [0, 3, 6, 9, 12].into_iter().zip(CEILING) {
+        let parts = [GYRO_BIAS, ROTATION, ACCELEROMETER_BIAS, VELOCITY, POSITION];
+        for (first, ceiling) in parts.into_iter().zip(CEILING) {
             let trace = self.trace(first);
             if trace > 3.0 * ceiling {
                 self.reduce(first, libm::sqrt(3.0 * ceiling / trace));
