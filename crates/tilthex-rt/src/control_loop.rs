@@ -178,6 +178,7 @@ impl ControlLoop {
 
     /// Reads the bytes that have arrived, and looks again if an inertial sample is due. Returns the time of the last look.
     fn read(&mut self, clock: &impl Clock, memory: &mut Memory) -> Nanos {
+        let deadline = memory.last_woke.saturating_sub(memory.timing.wake_latency);
         memory.byte_count = 0;
         memory.due = self.linked.link.look(&[]);
         let mut looks = 0;
@@ -191,7 +192,7 @@ impl ControlLoop {
                 }
                 None => memory.gone |= !free.is_empty(),
             }
-            if memory.gone || !phase_lock::wants_look(memory.due, looks) {
+            if memory.gone || !phase_lock::wants_look(memory.due, at.saturating_sub(deadline)) {
                 memory.timing.polls = looks;
                 return at;
             }

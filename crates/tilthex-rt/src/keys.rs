@@ -41,8 +41,9 @@ pub(crate) struct Keys {
 }
 
 impl Keys {
-    /// Starts to read keys, if standard input is a terminal and this program is in its foreground.
-    pub(crate) fn watch(known: Vec<Key>) -> Option<Self> {
+    /// Starts to read keys, if standard input is a terminal and this program is in its foreground. Its thread does `first`
+    /// first.
+    pub(crate) fn watch(known: Vec<Key>, first: fn()) -> Option<Self> {
         let terminal = stdin();
         let before = tcgetattr(terminal).ok()?;
         if tcgetpgrp(terminal).ok()? != getpgrp() {
@@ -55,6 +56,7 @@ impl Keys {
         let stop = Arc::new(AtomicBool::new(false));
         let mut keys = Self { stop: Arc::clone(&stop), thread: None, before };
         let read = move || {
+            first();
             // After an error the terminal is gone, and no more keys come.
             while !stop.load(Ordering::Relaxed) {
                 if read(&known).is_err() {

@@ -2,24 +2,25 @@
 //! just arrived.
 //!
 //! The board has its own clock, and the loop waits only on the clock of the host. When the loop wakes, it looks at the port.
-//! If the sample has not arrived, it looks again every [`LOOK`], at most [`MAX_LOOKS`] times. If the first look finds the
-//! sample, the next tick comes `CREEP` earlier; otherwise it comes one [`LOOK`] later. The tick so follows the sample within
-//! one [`LOOK`], even if the two clocks drift, and one late sample moves the tick by one [`LOOK`] only.
+//! If the sample has not arrived, it looks again every [`LOOK`], up to [`LONGEST_WAIT`] after its deadline: a tick that woke
+//! late waits for nothing. If the first look finds the sample, the next tick comes `CREEP` earlier; otherwise it comes one
+//! [`LOOK`] later. The tick so follows the sample within one [`LOOK`], even if the two clocks drift, and one late sample moves
+//! the tick by one [`LOOK`] only.
 
 use crate::sleeper::Nanos;
 use tilthex_link::InertialDue;
 
 /// Time between two looks at the port, ns.
 pub const LOOK: Nanos = 50_000;
-/// Number of looks after the first. After them the tick continues without a sample.
-pub const MAX_LOOKS: u32 = 10;
+/// Time from the deadline to the last look, ns. After it the tick continues without a sample.
+pub const LONGEST_WAIT: Nanos = 10 * LOOK;
 /// Time by which the next tick comes earlier if the first look found the sample, ns.
 const CREEP: i64 = 4_000;
 
-/// Whether to look at the port again, after `looks` further looks.
+/// Whether to look at the port again, after a look that came `late` after the deadline, ns.
 #[must_use]
-pub fn wants_look(due: InertialDue, looks: u32) -> bool {
-    due.is_awaited() && looks < MAX_LOOKS
+pub fn wants_look(due: InertialDue, late: Nanos) -> bool {
+    due.is_awaited() && late.saturating_add(LOOK) <= LONGEST_WAIT
 }
 
 /// Time by which all later deadlines move, ns, after a tick that looked again `looks` times.
@@ -58,7 +59,7 @@ mod tests {
                     awaited.arrive();
                     next = arrivals.next();
                 }
-                if !wants_look(awaited.due(), looks) {
+                if !wants_look(awaited.due(), Nanos::from(looks) * LOOK) {
                     break;
                 }
                 now += LOOK as f64;
@@ -88,12 +89,23 @@ mod tests {
     }
 
     #[test]
+    fn a_tick_that_woke_late_waits_for_nothing() {
+        let mut awaited = Awaited::default();
+        awaited.arrive();
+        awaited.end_tick();
+        assert!(wants_look(awaited.due(), LONGEST_WAIT - LOOK));
+        for late in [LONGEST_WAIT - LOOK + 1, LONGEST_WAIT, 4 * LONGEST_WAIT, Nanos::MAX] {
+            assert!(!wants_look(awaited.due(), late), "{late} ns");
+        }
+    }
+
+    #[test]
     fn a_silent_stream_is_not_waited_for() {
         let mut awaited = Awaited::default();
         assert!(!wants_look(awaited.due(), 0), "none has come yet");
         awaited.arrive();
         awaited.end_tick();
-        assert!(wants_look(awaited.due(), 0) && !wants_look(awaited.due(), MAX_LOOKS));
+        assert!(wants_look(awaited.due(), 0) && !wants_look(awaited.due(), LONGEST_WAIT));
         for _ in 0..10 {
             awaited.end_tick();
         }

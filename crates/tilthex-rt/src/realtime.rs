@@ -76,8 +76,20 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
     }
 }
 
-/// Asks for a part of these rights, for threads that simulate hardware: no timer slack, and `SCHED_FIFO` with a lower
-/// priority than the loop. It is not an error if they are refused.
+impl Demand {
+    /// What a thread that brings the loop something does first: [`acquire_helper`], or nothing with [`Demand::Off`].
+    #[must_use]
+    pub fn of_helper(self) -> fn() {
+        match self {
+            Self::Off => || (),
+            Self::Require | Self::Prefer => acquire_helper,
+        }
+    }
+}
+
+/// Asks for a part of these rights, for threads that bring the loop poses or a kill, or that simulate hardware: no timer
+/// slack, and `SCHED_FIFO` with a lower priority than the loop. Beside busy programs, a thread of ordinary priority can wait
+/// for 0.1 s for a processor. It is not an error if they are refused.
 pub fn acquire_helper() {
     let _ = set_current_timer_slack(NonZeroU64::new(1));
     let _ = sys::set_fifo(-1);

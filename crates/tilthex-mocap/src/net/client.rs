@@ -40,6 +40,18 @@ impl Client {
         uri: &MocapUri,
         params: ClientParams,
     ) -> Result<(Self, rtrb::Consumer<PoseSample>), SourceError> {
+        Self::start_with(uri, params, || ())
+    }
+
+    /// [`Self::start`], with what the client's thread does first: it may ask for a priority, for example.
+    ///
+    /// # Errors
+    /// Those of [`Self::start`].
+    pub fn start_with(
+        uri: &MocapUri,
+        params: ClientParams,
+        first: fn(),
+    ) -> Result<(Self, rtrb::Consumer<PoseSample>), SourceError> {
         let server = resolve(uri)?;
         let (producer, consumer) = rtrb::RingBuffer::new(CAPACITY);
         let counters = Arc::new(Counters::default());
@@ -50,7 +62,10 @@ impl Client {
         let thread = std::thread::Builder::new()
             .name("mocap".into())
             .stack_size(256 * 1024)
-            .spawn(move || source.run(&stopped))
+            .spawn(move || {
+                first();
+                source.run(&stopped);
+            })
             .map_err(|error| SourceError::new(format!("no thread for the motion capture: {error}")))?;
         Ok((Self { counters, stop, thread: Some(thread) }, consumer))
     }

@@ -28,6 +28,7 @@ use crate::{
     keys::{self, Keys},
     log::{Attachments, LogFile},
     output::{self, say},
+    realtime::acquire_helper,
     recorder::Recorder,
     signals,
     waiting::Waiting,
@@ -76,7 +77,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let token = args.control.token()?;
     let Peers { name, port, client: _client, poses } =
-        Peers::connect(&args.setup, &config, config.mocap().client()?)?;
+        Peers::connect(&args.setup, &config, config.mocap().client()?, acquire_helper)?;
     if config.mocap().uri.is_empty() {
         output::error(format_args!(
             "tilthex-rt: warning: no pose source is named with --mocap; the vehicle cannot take off"
@@ -121,7 +122,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
         .spawn(move || say_end.send(console.run()))
         .map_err(|e| Failure::machine(format!("the console's thread cannot be started: {e}")))?;
     let hold = (HOLD, Box::new(move || hold.store(true, Ordering::Relaxed)) as Box<dyn Fn() + Send>);
-    let keys = Keys::watch(vec![keys::kill(&flags), hold]);
+    let keys = Keys::watch(vec![keys::kill(&flags), hold], acquire_helper);
     if keys.is_some() {
         say!("Ctrl-C lands; the key H holds, and the key K stops the motors at once (capital letters)");
     }

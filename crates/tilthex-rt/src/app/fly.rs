@@ -72,7 +72,8 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let client = config.mocap().client()?;
     args.check_start(&config)?;
     // The log is created, and an old one replaced, only after the vehicle and motion capture have been found.
-    let real = if args.sim { None } else { Some(Peers::connect(&args.setup, &config, client)?) };
+    let helper = args.rights.realtime.of_helper();
+    let real = if args.sim { None } else { Some(Peers::connect(&args.setup, &config, client, helper)?) };
     let log = log.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
     let (recorder, feed, truths) = {
         let take_off = params.flight.take_off;
@@ -99,7 +100,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
                 LineParams { latency: CAPTURE_LATENCY, ..LineParams::default() },
             )?;
             let server = simulate(args, &config, capture, truths)?;
-            let peers = Peers::open(server.path().display().to_string(), 0, Some(&uri), client)?;
+            let peers = Peers::open(server.path().display().to_string(), 0, Some(&uri), client, helper)?;
             (Some(server), peers)
         }
     };
@@ -123,7 +124,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let running = start(control_loop, args.rights.realtime)?;
     let reference =
         (args.sim || args.reference).then(|| Reference::start(period, args.rights.realtime).ok()).flatten();
-    let keys = Keys::watch(vec![keys::kill(&flags)]);
+    let keys = Keys::watch(vec![keys::kill(&flags)], helper);
     if keys.is_some() {
         say!("Ctrl-C lands; the key K (capital letter) stops the motors at once");
     }
@@ -146,8 +147,13 @@ pub(super) struct Peers {
 }
 
 impl Peers {
-    /// Connects to those that the arguments and the configuration name.
-    pub(super) fn connect(setup: &Setup, config: &Config, client: ClientParams) -> Result<Self, Failure> {
+    /// Connects to those that the arguments and the configuration name. The capture's thread does `first` first.
+    pub(super) fn connect(
+        setup: &Setup,
+        config: &Config,
+        client: ClientParams,
+        first: fn(),
+    ) -> Result<Self, Failure> {
         let Some(port) = &setup.port else {
             return Err(Failure::usage(
                 "no vehicle is named; name its port with --port, or fly a simulated one with --sim",
@@ -155,14 +161,21 @@ impl Peers {
         };
         let uri = &config.mocap().uri;
         let uri = (!uri.is_empty()).then(|| uri.parse::<MocapUri>()).transpose()?;
-        Self::open(VehicleUri::parse(port)?.name, config.link().baud, uri.as_ref(), client)
+        Self::open(VehicleUri::parse(port)?.name, config.link().baud, uri.as_ref(), client, first)
     }
 
-    fn open(name: String, baud: u32, uri: Option<&MocapUri>, client: ClientParams) -> Result<Self, Failure> {
+    fn open(
+        name: String,
+        baud: u32,
+        uri: Option<&MocapUri>,
+        client: ClientParams,
+        first: fn(),
+    ) -> Result<Self, Failure> {
         let port = Port::open(&name, baud)?;
         let (client, poses) = match uri {
             Some(uri) => {
-                let (client, poses) = Client::start(uri, client).map_err(|e| Failure::link(e.to_string()))?;
+                let (client, poses) =
+                    Client::start_with(uri, client, first).map_err(|e| Failure::link(e.to_string()))?;
                 (Some(client), poses)
             }
             None => (None, RingBuffer::new(1).1),
