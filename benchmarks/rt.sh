@@ -78,7 +78,7 @@ fly() {
     wait $simulated || true
     rm -f "$out/vehicle"
     sort -u "$out/warnings"
-    grep -E '^(ticks|late)|^  |dropped' "$out/rt" | grep -v ' s  '
+    grep -E '^(ticks|late)|^  |not logged' "$out/rt" | grep -v ' s  '
     grep -v '^/dev' "$out/sim" | sed 's/^/  /'
     awk -v kb=$largest 'BEGIN { printf "resident memory     %.1f MB\n", kb * 1024 / 1e6 }'
 }

@@ -22,6 +22,7 @@ use tilthex_sim::{
 use crate::{
     Failure,
     log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Whereabouts, file::refused},
+    realtime,
     summary::Statistics,
 };
 
@@ -173,7 +174,10 @@ impl Recorder {
         let thread = std::thread::Builder::new()
             .name("recorder".into())
             .stack_size(512 * 1024)
-            .spawn(move || worker.run())
+            .spawn(move || {
+                realtime::acquire_share();
+                worker.run()
+            })
             .map_err(|e| Failure::machine(format!("the recorder's thread cannot be started: {e}")))?;
         Ok((Self { shared, notes: sender, thread }, feed, truth_feed))
     }

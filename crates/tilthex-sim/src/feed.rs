@@ -21,7 +21,7 @@ pub struct Timing {
     pub compute: u64,
     /// From the start of the last tick to the start of this one.
     pub period: u64,
-    /// Whole periods skipped before this tick.
+    /// Whole periods skipped since the last tick that the recorder got.
     pub skipped: u64,
     /// From the moment at which the IMU's bytes were found to the end of the command's write; 0 if no bytes came.
     pub imu_to_command: u64,
@@ -66,6 +66,8 @@ pub struct Fate {
 pub struct Feed {
     ring: Producer<Tick>,
     fate: Arc<Fate>,
+    /// Periods that were skipped before ticks that found the ring full.
+    skipped: u64,
 }
 
 impl Feed {
@@ -79,7 +81,7 @@ impl Feed {
     #[must_use]
     pub fn of(fate: Arc<Fate>) -> (Self, Consumer<Tick>) {
         let (ring, ticks) = RingBuffer::new(RING);
-        (Self { ring, fate }, ticks)
+        (Self { ring, fate, skipped: 0 }, ticks)
     }
 
     /// How many ticks did not fit into the ring.
@@ -88,11 +90,14 @@ impl Feed {
         self.fate.dropped.load(Ordering::Relaxed)
     }
 
-    /// Puts a tick into the ring. If the ring is full, counts the tick as dropped. Wait-free; safe in the loop.
+    /// Puts a tick into the ring. If the ring is full, counts the tick as dropped, and adds the periods that were skipped
+    /// before it to those of the next tick. Wait-free; safe in the loop.
     pub fn push(&mut self, tick: &Tick) {
+        self.skipped += tick.timing.skipped;
         match self.ring.write_chunk_uninit(1) {
             Ok(chunk) => {
-                chunk.fill_from_iter(std::iter::once(*tick));
+                let timing = Timing { skipped: std::mem::take(&mut self.skipped), ..tick.timing };
+                chunk.fill_from_iter(std::iter::once(Tick { timing, ..*tick }));
             }
             Err(_) => {
                 self.fate.dropped.fetch_add(1, Ordering::Relaxed);
@@ -104,5 +109,24 @@ impl Feed {
     #[must_use]
     pub fn log_lost(&self) -> bool {
         self.fate.lost.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_periods_before_a_dropped_tick_are_counted_with_the_next_one() {
+        let (mut feed, mut ticks) = Feed::ring();
+        let tick = |skipped| Tick { timing: Timing { skipped, ..Timing::default() }, ..Tick::default() };
+        (0..RING + 3).for_each(|_| feed.push(&tick(2)));
+        assert_eq!(feed.dropped(), 3);
+        let before: u64 = std::iter::from_fn(|| ticks.pop().ok()).map(|tick| tick.timing.skipped).sum();
+        assert_eq!(before, 2 * RING as u64);
+        feed.push(&tick(1));
+        feed.push(&tick(0));
+        let after: Vec<_> = std::iter::from_fn(|| ticks.pop().ok()).map(|tick| tick.timing.skipped).collect();
+        assert_eq!(after, [7, 0]);
     }
 }
