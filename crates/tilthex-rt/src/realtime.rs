@@ -9,7 +9,6 @@ use std::{
 
 use rustix::{
     mm::{MlockAllFlags, mlockall},
-    process::setpriority_process,
     thread::{CpuSet, sched_getaffinity, sched_setaffinity, set_current_timer_slack},
 };
 
@@ -81,9 +80,19 @@ impl Demand {
     /// What a thread that brings the loop something does first: [`acquire_helper`], or nothing with [`Demand::Off`].
     #[must_use]
     pub fn of_helper(self) -> fn() {
+        self.first(acquire_helper)
+    }
+
+    /// What the thread that writes the log does first: [`acquire_recorder`], or nothing with [`Demand::Off`].
+    #[must_use]
+    pub fn of_recorder(self) -> fn() {
+        self.first(acquire_recorder)
+    }
+
+    fn first(self, acquire: fn()) -> fn() {
         match self {
             Self::Off => || (),
-            Self::Require | Self::Prefer => acquire_helper,
+            Self::Require | Self::Prefer => acquire,
         }
     }
 }
@@ -96,11 +105,10 @@ pub fn acquire_helper() {
     let _ = sys::set_fifo(-1);
 }
 
-/// Asks for a larger share of the processors for the calling thread, which writes the log: nice -10. Beside busy programs, a
-/// thread with an ordinary share can be more than 1 s late. It is not an error if it is refused.
-pub fn acquire_share() {
-    // On Linux this is the calling thread, not its process.
-    let _ = setpriority_process(None, -10);
+/// Asks for `SCHED_FIFO` below the helpers, for the thread that writes the log: beside busy programs, a thread of ordinary
+/// priority can be more than a second late, and ticks are missing in the log. It is not an error if it is refused.
+pub fn acquire_recorder() {
+    let _ = sys::set_fifo(-2);
 }
 
 /// Binds the calling thread to an isolated processor. If there is none, to the last processor that it may use, because most

@@ -22,7 +22,7 @@ use tilthex_sim::{
 use crate::{
     Failure,
     log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Whereabouts, file::refused},
-    realtime,
+    realtime::Demand,
     summary::Statistics,
 };
 
@@ -110,6 +110,8 @@ pub struct RecorderParams {
     pub attachments: Attachments,
     /// Number of rotors of the vehicle.
     pub rotor_count: usize,
+    /// Whether its thread asks for a priority.
+    pub realtime: Demand,
 }
 
 /// The running recorder.
@@ -171,11 +173,12 @@ impl Recorder {
             shared: Arc::clone(&shared),
             flushed: 0.0,
         };
+        let first = worker.params.realtime.of_recorder();
         let thread = std::thread::Builder::new()
             .name("recorder".into())
             .stack_size(512 * 1024)
             .spawn(move || {
-                realtime::acquire_share();
+                first();
                 worker.run()
             })
             .map_err(|e| Failure::machine(format!("the recorder's thread cannot be started: {e}")))?;

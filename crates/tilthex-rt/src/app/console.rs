@@ -28,7 +28,7 @@ use crate::{
     keys::{self, Keys},
     log::{Attachments, LogFile},
     output::{self, say},
-    realtime::acquire_helper,
+    realtime::{Demand, acquire_helper},
     recorder::Recorder,
     signals,
     waiting::Waiting,
@@ -85,7 +85,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let log = path.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
     let attached = Attachments { take_off: args.take_off, on_board: true, ..Attachments::default() };
-    let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached))?;
+    let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached, Demand::Prefer))?;
     let (commands_in, commands) = RingBuffer::new(COMMAND_RING);
     let control = match &args.control.control {
         Some(address) => {

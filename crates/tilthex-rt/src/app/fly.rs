@@ -30,7 +30,7 @@ use crate::{
     log::{Attachments, LogFile},
     output::{self, say},
     port::Port,
-    realtime,
+    realtime::{self, Demand},
     recorder::{Recorder, RecorderParams, TruthFeed},
     reference::Reference,
     signals,
@@ -78,7 +78,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let (recorder, feed, truths) = {
         let take_off = params.flight.take_off;
         let attached = Attachments { trajectory, take_off, ..Attachments::default() };
-        Recorder::start(recorder_params(&config, log, attached))?
+        Recorder::start(recorder_params(&config, log, attached, args.rights.realtime))?
     };
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
     let orders = Orders::new(&config);
@@ -190,7 +190,7 @@ pub(super) struct Running {
 }
 
 /// Starts the loop's thread, and waits until it has asked for its rights.
-fn start(mut control_loop: ControlLoop, demand: realtime::Demand) -> Result<Running, Failure> {
+fn start(mut control_loop: ControlLoop, demand: Demand) -> Result<Running, Failure> {
     let (say_rights, rights) = mpsc::sync_channel(1);
     let (say_end, end) = mpsc::sync_channel(1);
     std::thread::Builder::new()
@@ -224,6 +224,7 @@ pub(super) fn recorder_params(
     config: &Config,
     log: Option<LogFile>,
     attached: Attachments,
+    realtime: Demand,
 ) -> RecorderParams {
     let black_box = log.as_ref().map_or_else(
         || {
@@ -237,6 +238,7 @@ pub(super) fn recorder_params(
         black_box,
         attachments: Attachments { config: config.to_toml(), ..attached },
         rotor_count: config.vehicle().vehicle().rotor_count(),
+        realtime,
     }
 }
 

@@ -21,6 +21,7 @@ use crate::{
     carrier::Carrier,
     flags::Flags,
     log::Attachments,
+    realtime::Demand,
     recorder::{Recorder, RecorderParams},
     waiting::Asked,
 };
@@ -63,6 +64,7 @@ impl Office {
             black_box: "none".into(),
             attachments: Attachments::default(),
             rotor_count: 6,
+            realtime: Demand::Off,
         })
         .expect("starts");
         let flags = Flags::default();
