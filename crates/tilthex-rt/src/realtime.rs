@@ -89,6 +89,12 @@ impl Demand {
         self.first(acquire_recorder)
     }
 
+    /// What a thread that takes orders does first: [`acquire_control`], or nothing with [`Demand::Off`].
+    #[must_use]
+    pub fn of_control(self) -> fn() {
+        self.first(acquire_control)
+    }
+
     fn first(self, acquire: fn()) -> fn() {
         match self {
             Self::Off => || (),
@@ -109,6 +115,12 @@ pub fn acquire_helper() {
 /// priority can be more than a second late, and ticks are missing in the log. It is not an error if it is refused.
 pub fn acquire_recorder() {
     let _ = sys::set_fifo(-2);
+}
+
+/// Asks for `SCHED_FIFO` below the recorder, for the threads that take orders: beside busy programs, a thread of ordinary
+/// priority can carry out a kill a second late. It is not an error if it is refused.
+pub fn acquire_control() {
+    let _ = sys::set_fifo(-3);
 }
 
 /// Binds the calling thread to an isolated processor. If there is none, to the last processor that it may use, because most

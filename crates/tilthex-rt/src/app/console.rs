@@ -92,7 +92,7 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
             let carrier = Carrier { admittance: config.controller().admittance };
             let way = Way::Board(commands_in, Box::new(carrier));
             let desk = Desk::new(Orders::new(&config), way, recorder.observer(), flags.clone());
-            Some(ControlSocket::start(address, token, desk)?)
+            Some(ControlSocket::start(address, token, desk, Demand::Prefer.of_control())?)
         }
         None => None,
     };

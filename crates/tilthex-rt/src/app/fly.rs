@@ -85,7 +85,7 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let control = match &args.control.control {
         Some(address) => {
             let desk = Desk::new(orders, Way::Loop(commands_in), recorder.observer(), flags.clone());
-            Some(ControlSocket::start(address, token, desk)?)
+            Some(ControlSocket::start(address, token, desk, args.rights.realtime.of_control())?)
         }
         None => None,
     };

@@ -65,6 +65,8 @@ impl Connection {
             let now = Monotonic.now();
             self.place.touch(now);
             let reply = self.session.line(&line, now);
+            // A client without a pause must not keep the others, who may kill, from the processor.
+            std::thread::yield_now();
             if let Some(line) = &reply.line {
                 self.say(line)?;
             }

@@ -62,19 +62,20 @@ pub struct ControlSocket {
 }
 
 impl ControlSocket {
-    /// Listens at `ADDRESS:PORT` or `unix:PATH`. If a token is given, every client must send it first.
+    /// Listens at `ADDRESS:PORT` or `unix:PATH`. If a token is given, every client must send it first. Each of the threads
+    /// does `first` first.
     ///
     /// # Errors
     /// One sentence: the address means every network, does not belong to this computer or is in use, or other computers
     /// can reach it without a token.
-    pub fn start(address: &str, token: Option<Token>, desk: Desk) -> Result<Self, Failure> {
+    pub fn start(address: &str, token: Option<Token>, desk: Desk, first: fn()) -> Result<Self, Failure> {
         let listener = Address::parse(address, token.is_some())?.listen()?;
         let failed = |e: io::Error| Failure::machine(format!("the control socket cannot be served: {e}"));
         let address = listener.name().map_err(failed)?;
         let shared =
             Arc::new(Shared { desk, token, stop: AtomicBool::new(false), refused: AtomicU64::new(0) });
         let listening = Arc::clone(&shared);
-        let thread = spawn("control", move || listen(&listener, &listening)).map_err(failed)?;
+        let thread = spawn("control", first, move || listen(&listener, &listening, first)).map_err(failed)?;
         Ok(Self { address, shared, thread: Some(thread) })
     }
 
@@ -100,11 +101,14 @@ impl Drop for ControlSocket {
     }
 }
 
-fn spawn(name: &str, run: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
-    std::thread::Builder::new().name(name.into()).stack_size(256 * 1024).spawn(run)
+fn spawn(name: &str, first: fn(), run: impl FnOnce() + Send + 'static) -> io::Result<JoinHandle<()>> {
+    std::thread::Builder::new().name(name.into()).stack_size(256 * 1024).spawn(move || {
+        first();
+        run();
+    })
 }
 
-fn listen(listener: &Listener, shared: &Arc<Shared>) {
+fn listen(listener: &Listener, shared: &Arc<Shared>, first: fn()) {
     let places = Arc::new(Places::default());
     while !shared.stop.load(Ordering::Relaxed) {
         let Ok((stream, name)) = listener.accept() else {
@@ -115,7 +119,7 @@ fn listen(listener: &Listener, shared: &Arc<Shared>) {
         let name = format!("{name} (client {})", place.id);
         let serving = Arc::clone(shared);
         // If no thread can be started, the connection and its place are dropped.
-        let _ = spawn("control-client", move || {
+        let _ = spawn("control-client", first, move || {
             if let Ok(connection) = Connection::new(stream, name, place, Arc::clone(&serving)) {
                 connection.serve(&serving);
             }
