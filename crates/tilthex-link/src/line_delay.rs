@@ -29,6 +29,8 @@ pub struct LineDelay {
     usual: Option<(f64, f64)>,
     /// The time since which the line has looked different from its present state, s.
     since: Option<f64>,
+    /// When the host read last, s.
+    read: Option<f64>,
     /// When the host last went on after it had stood still, s, and for how long it had, s.
     stood: Option<(f64, f64)>,
     late: bool,
@@ -36,26 +38,39 @@ pub struct LineDelay {
 }
 
 impl LineDelay {
+    /// The host reads, at a time, s: once before the samples that it gets.
+    pub fn read(&mut self, now: f64) {
+        let passed = self.read.replace(now).map_or(0.0, |last| now - last);
+        if passed > STANDS.0 {
+            self.stood = Some((now, passed));
+        }
+    }
+
+    /// The numbers of the samples have no meaning after a silence: the board may have restarted. The line is as late as it was,
+    /// until a change is seen. Samples that have waited for the host go on with their numbers.
+    pub fn begin_anew(&mut self) {
+        if self.stood.is_none_or(|(end, _)| self.read != Some(end)) {
+            (self.usual, self.since) = (None, None);
+        }
+    }
+
     /// Takes the time of a sample from its number, s from the first one, and its arrival, s. Returns the delay of the
     /// line beyond the usual one, s; 0 if the line is not late.
     pub fn step(&mut self, made: f64, arrival: f64) -> f64 {
         let found = arrival - made;
         let Some((usual, last)) = self.usual else {
-            self.usual = Some((found, arrival));
-            return 0.0;
+            self.usual = Some((found - self.delay, arrival));
+            return self.delay;
         };
         let excess = found - usual;
         let passed = (arrival - last).max(0.0);
-        if passed > STANDS.0 {
-            self.stood = Some((arrival, passed));
-        }
         let waited = |(end, length): (f64, f64)| arrival - end < STANDS.1 && excess < length + LONGEST;
         if excess > 0.0 && self.stood.is_some_and(waited) {
             self.usual = Some((usual, arrival));
             return self.delay;
         }
         if !(-NUMBERED_ANEW..=NUMBERED_ANEW).contains(&excess) {
-            *self = Self { usual: Some((found, arrival)), ..Self::default() };
+            *self = Self { usual: Some((found, arrival)), read: self.read, ..Self::default() };
             return 0.0;
         }
         let (differs, long) =
@@ -65,9 +80,11 @@ impl LineDelay {
             (self.late, self.since) = (!self.late, None);
         }
         self.delay = if self.late { excess.max(0.0) } else { 0.0 };
-        // A late sample does not change the usual delay. A host that was stopped reads many samples at once.
+        // A late sample, or one that looks late, does not change the usual delay. A host that was stopped reads many samples at
+        // once.
         let constant = if excess > 0.0 { SLOWLY } else { QUICKLY };
-        let share = if self.late && excess > 0.0 { 0.0 } else { (passed / constant).min(1.0) };
+        let holds = excess > 0.0 && (self.late || self.since.is_some());
+        let share = if holds { 0.0 } else { (passed / constant).min(1.0) };
         self.usual = Some((usual + share * excess, arrival));
         self.delay
     }
@@ -99,11 +116,15 @@ mod tests {
         {
             let mut line = LineDelay::default();
             let goes_on = 9.0 + stands;
-            let mut seen = 0.0_f64;
+            let (mut seen, mut last) = (0.0_f64, 0.0);
             for k in 0..3000 {
                 let made = f64::from(k) * 2e-3;
                 let arrives = 7.0 + made + if made > 2.0 { late } else { 0.0 };
                 let read = if arrives > 9.0 { arrives.max(goes_on) } else { arrives };
+                if read > last {
+                    line.read(read);
+                    last = read;
+                }
                 seen = line.step(made, read);
                 assert!(late > 0.0 || seen == 0.0, "{stands} {made} {seen}");
                 assert!(

@@ -93,7 +93,7 @@ impl SequenceClock {
             return self.accept(number, 0, 0, arrival, stamp);
         };
         let advance = number.wrapping_sub(last.number);
-        if arrival - last.arrival > Self::SILENCE * self.period {
+        if self.is_new_count(arrival) {
             let count = last.count.saturating_add(u64::from(advance));
             let stamp = self.clock.restart(self.remote(count), arrival);
             return self.accept(number, count, 0, arrival, stamp);
@@ -112,6 +112,12 @@ impl SequenceClock {
             bump(&mut self.counters.suspect);
             Arrival::Suspect
         }
+    }
+
+    /// Whether a sample that arrives at a time, s on the host's clock, ends a silence after which its number has no meaning.
+    #[must_use]
+    pub fn is_new_count(&self, arrival: f64) -> bool {
+        self.last.is_some_and(|last| arrival - last.arrival > Self::SILENCE * self.period)
     }
 
     /// The time of the newest sample from its number, s from the first one.

@@ -286,6 +286,7 @@ impl VehicleLink for Host {
         self.awaited.end_tick();
         self.streams.telemetry.begin_tick();
         self.text = None;
+        self.streams.inertial.read(now);
         for byte in bytes {
             let Self { decoder, agent, streams, .. } = self;
             let Some(message) = decoder.push(*byte) else { continue };

@@ -55,6 +55,11 @@ impl InertialStream {
         })
     }
 
+    /// The host reads at `now`, s: once before the samples that it gets.
+    pub(super) fn read(&mut self, now: f64) {
+        self.line.read(now);
+    }
+
     /// Takes a sample that arrived at `now`, s, and writes it and the stream's state to `out`.
     pub(super) fn take(&mut self, sample: &SensorCombined, now: f64, out: &mut InertialTelemetry) {
         let remote = |sample: &SensorCombined| 1e-6 * sample.timestamp as f64;

@@ -246,6 +246,7 @@ impl VehicleLink for Host {
         self.awaited.end_tick();
         self.telemetry.begin_tick();
         self.text = None;
+        self.imu.read(now);
         for byte in bytes {
             if let Some(message) = self.receiver.push(*byte) {
                 self.telemetry.link.heard = now;

@@ -59,9 +59,17 @@ impl ImuStream {
         self.scales.is_some()
     }
 
+    /// The host reads at `now`, s: once before the frames that it gets.
+    pub(super) fn read(&mut self, now: f64) {
+        self.line.read(now);
+    }
+
     /// Takes a frame that arrived at `now`, s, and writes the sample and the stream's state to `out`.
     pub(super) fn take(&mut self, frame: &ImuFrame, now: f64, out: &mut InertialTelemetry) {
         let Some(scales) = self.scales else { return };
+        if self.clock.is_new_count(now) {
+            self.line.begin_anew();
+        }
         let (time, lost) = match self.clock.step(frame.sequence, now) {
             Arrival::New { time, lost, .. } => {
                 out.line_delay = self.clock.made().map_or(0.0, |made| self.line.step(made, now));
