@@ -4,6 +4,7 @@ use super::{
     Flight,
     guidance::Descent,
     io::{Measured, MotorCommand},
+    late,
 };
 use crate::{
     bias::BiasEstimator,
@@ -37,12 +38,13 @@ impl Flight {
             }
             Phase::Flying | Phase::Holding | Phase::Landing | Phase::Emergency => {
                 // Without a wait; the supervisor waits whether the delay lasts.
-                let late = line_delay > LINE_LATE;
-                let robot = self.state_at_arrival(if late { line_delay } else { 0.0 }, dt);
+                let is_late = line_delay > LINE_LATE;
+                let robot = self.state_at_arrival(if is_late { line_delay } else { 0.0 }, dt);
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
                 let learns_model = guided.learn_model || self.learns_model;
                 self.learn_model(learns_model, &guided, rotor_speeds, dt);
-                let controller = if late { &self.slow_controller } else { &self.controller };
+                let slowed = if is_late { late::slowed(&self.controller, line_delay).ok() } else { None };
+                let controller = slowed.as_ref().unwrap_or(&self.controller);
                 let compliant =
                     guided.compliant && !self.learns && !learns_model && !self.model.is_calibrated_next();
                 let input = ControllerInput {

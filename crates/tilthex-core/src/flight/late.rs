@@ -10,27 +10,30 @@ use crate::{
     wrench_observer::ObserverGains,
 };
 
-/// Rate of the position loop, critically damped, 1/s. It tolerates a delay of 0.1 s with the rotors' lag, as do the next two.
+/// Rates of the position loop and of the rotation loop, both critically damped, and of the observer, 1/s, that tolerate the longest
+/// delay, s, with the rotors' lag.
 const POSITION: f64 = 1.5;
-/// Rate of the rotation loop, critically damped, 1/s.
 const ROTATION: f64 = 5.0;
-/// Rate of the observer, 1/s.
 const OBSERVER: f64 = 3.0;
+const LONGEST: f64 = 0.1;
 /// Number of ticks that are remembered.
 const TICKS: usize = 64;
 
-/// The controller with gains that are not faster than [`POSITION`], [`ROTATION`] and [`OBSERVER`].
-pub(super) fn slowed(controller: &Controller) -> Result<Controller, Error> {
+/// The controller for a line that is `delay` s late, each way: its gains are not faster than the delay allows.
+pub(super) fn slowed(controller: &Controller, delay: f64) -> Result<Controller, Error> {
     let ControllerParams { pose, observer, .. } = controller.params();
+    let lag = controller.vehicle().rotor_time_constant();
+    let faster = ((LONGEST + lag) / (2.0 * delay + lag)).max(1.0);
     let most = |gain: Vector3, limit: f64| gain.map(|x| x.min(limit));
+    let [position, rotation, observing] = [POSITION, ROTATION, OBSERVER].map(|rate| rate * faster);
     let pose = PoseGains {
-        position: most(pose.position, POSITION * POSITION),
-        velocity: most(pose.velocity, 2.0 * POSITION),
-        rotation: most(pose.rotation, ROTATION * ROTATION),
-        angular_velocity: most(pose.angular_velocity, 2.0 * ROTATION),
+        position: most(pose.position, position * position),
+        velocity: most(pose.velocity, 2.0 * position),
+        rotation: most(pose.rotation, rotation * rotation),
+        angular_velocity: most(pose.angular_velocity, 2.0 * rotation),
     };
     let observer =
-        ObserverGains { force: most(observer.force, OBSERVER), torque: most(observer.torque, OBSERVER) };
+        ObserverGains { force: most(observer.force, observing), torque: most(observer.torque, observing) };
     controller.with_gains(pose, observer)
 }
 

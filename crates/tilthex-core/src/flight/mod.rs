@@ -121,8 +121,7 @@ const LONGEST_STEP: f64 = 0.1;
 pub struct Flight {
     params: FlightParams,
     controller: Controller,
-    /// The controller for a late line, and the commands that have not arrived yet.
-    slow_controller: Controller,
+    /// The commands that have not arrived yet.
     pending: Pending,
     control: ControllerState,
     estimator: Estimator,
@@ -187,7 +186,6 @@ impl Flight {
         let controller = Controller::new(vehicle, params.controller)?;
         let estimator = Estimator::new(params.estimator)?;
         Ok(Self {
-            slow_controller: late::slowed(&controller)?,
             controller,
             pending: Pending::default(),
             control: ControllerState::default(),

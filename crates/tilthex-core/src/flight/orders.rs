@@ -29,10 +29,7 @@ impl Flight {
             Some(Command::ZeroBias) => self.zero_bias(),
             Some(Command::SetWrench(wrench_w, axes)) => self.guidance.set_wrench(Some((*wrench_w, *axes))),
             Some(Command::ReleaseWrench) => self.guidance.set_wrench(None),
-            Some(Command::SetAdmittance(filter)) => {
-                self.controller.set_admittance(*filter);
-                self.slow_controller.set_admittance(*filter);
-            }
+            Some(Command::SetAdmittance(filter)) => self.controller.set_admittance(*filter),
             Some(Command::Play(route)) => {
                 // Also while it holds: a route ends a hold that began because set-points stopped arriving.
                 if matches!(self.supervisor.phase(), Phase::Flying | Phase::Holding) && self.guidance.ready()
