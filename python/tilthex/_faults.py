@@ -164,7 +164,7 @@ FAULTS = (
         "tilt",
         "refuse",
         "land",
-        "if the IMU is silent too, or the rotors are at their limits, the rotors turn at their lowest speeds, because thrust would carry the vehicle away",
+        "if the IMU is silent and no pose shows the attitude, or the rotors are at their limits, the rotors turn at their lowest speeds, because thrust would carry the vehicle away",
     ),
     Fault(
         "speed",

@@ -1,5 +1,6 @@
 //! The fault campaign itself: its flights are reproducible, and its judge is awake.
 
+mod pairs;
 mod stories;
 
 use std::{path::Path, sync::Mutex};
@@ -13,34 +14,8 @@ use tilthex_sim::{
     campaign::{self, Injection, Kind, Part, World},
 };
 
+use pairs::{all_stand, each, hovering, none_fails};
 use stories::fault;
-
-/// Flies stories, each with its seed and its faults: none fails.
-fn none_fails(stories: &[(u64, &[Injection])]) {
-    for &(seed, faults) in stories {
-        let outcome = campaign::fly(hovering(), faults.to_vec(), seed);
-        assert_eq!(outcome.failure, None, "{outcome:?}");
-    }
-}
-
-/// Flies with each pair of faults: nothing fails, the flight ends, and the vehicle stands on its feet.
-fn all_stand(seed: u64, pairs: impl IntoIterator<Item = [Injection; 2]>) {
-    let world = hovering();
-    for pair in pairs {
-        let outcome = campaign::fly(world.clone(), pair.to_vec(), seed);
-        assert_eq!(outcome.failure, None, "{outcome:?}");
-        assert!(outcome.ended && !outcome.toppled, "{outcome:?}");
-    }
-}
-
-/// All pairs of a number and a time.
-fn each(numbers: impl Iterator<Item = usize>, times: &[f64]) -> impl Iterator<Item = (usize, f64)> {
-    numbers.flat_map(move |k| times.iter().map(move |time| (k, *time)))
-}
-
-fn hovering() -> World {
-    hovering_with("")
-}
 
 /// With keys of the vehicle.
 fn hovering_with(keys: &str) -> World {

@@ -75,7 +75,7 @@ impl Flight {
         let deviation = if self.known.is_some() { 0.0 } else { self.estimator.health().position_deviation };
         let placed = self.placed();
         let height = self.bounds.height(&robot.position_w).filter(|_| placed);
-        let fresh = input.telemetry.inertial.age(input.time) < IMU_LATE;
+        let fresh = self.returning.age(&input.telemetry.inertial, input.time) < IMU_LATE;
         let seen = landing::Seen {
             missing: weight - (thrust_w + bias_w).z,
             observed_w: fresh.then(|| output.wrench_robot.force - bias_w),

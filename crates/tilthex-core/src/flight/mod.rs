@@ -27,6 +27,7 @@ mod own_poses;
 mod probation;
 mod record;
 mod rest;
+mod returning;
 mod room;
 mod rotors;
 mod sensing;
@@ -68,6 +69,7 @@ use lift_off::LiftOff;
 use model::ModelState;
 use motor_check::MotorCheck;
 use own_poses::OwnPoses;
+use returning::Returning;
 use rotors::RotorModel;
 use stopped::StoppedWatch;
 use thrust::ThrustWatch;
@@ -141,6 +143,7 @@ pub struct Flight {
     supervisor: Supervisor,
     rotor_model: RotorModel,
     imu_model: ImuModel,
+    returning: Returning,
     min_speeds: RotorVector,
     max_speeds: RotorVector,
     command: RotorVector,
@@ -202,6 +205,7 @@ impl Flight {
             supervisor: Supervisor::default(),
             rotor_model: RotorModel::new(&vehicle, params.rotor_speed_age),
             imu_model: ImuModel::default(),
+            returning: Returning::default(),
             min_speeds,
             max_speeds,
             command: RotorVector::zeros(),
@@ -320,6 +324,7 @@ impl Flight {
                 period,
                 phase: before,
                 telemetry: input.telemetry,
+                imu_age: self.returning.age(&input.telemetry.inertial, input.time),
                 estimator: &self.estimator,
                 known: self.known.is_some(),
                 robot: &self.robot_state(),
@@ -332,6 +337,7 @@ impl Flight {
             },
             dt,
         );
+        conditions.insert_if(Fault::ImuSaturated, self.returning.refuses());
         conditions.insert_if(Fault::Operator, input.host.land);
         conditions.insert_if(Fault::OperatorGone, input.host.operator_silent);
         conditions.insert_if(Fault::OperatorGoneForGood, input.host.operator_silent);

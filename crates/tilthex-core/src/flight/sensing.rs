@@ -70,7 +70,12 @@ impl Flight {
         let samples = inertial.samples();
         let modelled = self.estimator.is_modelled();
         let mut last = self.estimator.time();
+        let mut believed = false;
         for s in samples {
+            if !self.believes(s, input.time) {
+                continue;
+            }
+            believed = true;
             let quality = if s.shaken { Quality::Shaken } else { Quality::Measured };
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
             let dt = (s.time - last).max(0.0);
@@ -84,12 +89,12 @@ impl Flight {
             self.capture.struck();
         }
         let mut expected_i = None;
-        let late = inertial.age(input.time) > IMU_LATE;
+        let late = self.returning.age(inertial, input.time) > IMU_LATE;
         let external = self.control.observer.wrench;
         if !modelled {
             self.imu_model.feel(&external.torque, dt);
         }
-        if samples.is_empty() && late && self.supervisor.phase().in_flight() {
+        if !believed && late && self.supervisor.phase().in_flight() {
             if !modelled && self.imu_model.begin() {
                 self.estimator.expect_torques();
             }

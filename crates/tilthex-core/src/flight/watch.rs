@@ -47,6 +47,8 @@ pub(super) struct Seen<'a> {
     pub(super) phase: Phase,
     /// The telemetry of the vehicle.
     pub(super) telemetry: &'a Telemetry,
+    /// Age of the newest inertial sample that was believed, s.
+    pub(super) imu_age: f64,
     /// The estimator.
     pub(super) estimator: &'a Estimator,
     /// Whether the state is known without the estimator.
@@ -150,7 +152,7 @@ impl Watch {
     fn link(&mut self, seen: &Seen<'_>, dt: f64, set: &mut FaultSet) {
         let s = seen.telemetry;
         let known = s.link.identified;
-        let age = s.inertial.age(seen.now);
+        let age = seen.imu_age;
         set.insert_if(Fault::ImuLate, known && age > l::IMU_LATE);
         set.insert_if(Fault::ImuSilent, known && age > l::IMU_SILENT);
         set.insert_if(Fault::LineLate, s.inertial.line_delay > l::LINE_LATE);
@@ -289,6 +291,7 @@ mod tests {
             period: 0.002,
             phase,
             telemetry: &Telemetry::new(6),
+            imu_age: 0.0,
             estimator: &Estimator::new(EstimatorParams::default()).expect("valid"),
             known: true,
             robot: &robot,

@@ -6,6 +6,9 @@ pub const IMU_LATE: f64 = 6e-3;
 pub const IMU_SILENT: f64 = 0.05;
 /// This many equal inertial readings in a row are not measurements.
 pub const IMU_FROZEN: u32 = 25;
+/// A rate that returns from the end of the gyro's range is believed if it is nearer than this to that of the model, rad/s. A gyro
+/// that stays at the end of its range differs by the whole range.
+pub const RETURNS_NEAR: f64 = 10.0;
 /// A line whose samples arrive later than usual by more than this is late, s.
 pub const LINE_LATE: f64 = 0.009;
 /// Streams that are silent for longer than this are requested again, s.
