@@ -72,3 +72,18 @@ fn a_capture_system_that_is_only_a_little_wrong_lands_the_vehicle_on_its_feet() 
         assert!(outcome.seen.contains(found), "{outcome:?}");
     }
 }
+
+/// A step of the accelerometer's bias in the take-off is not taken for late poses.
+#[test]
+fn an_accelerometer_that_steps_in_the_take_off_makes_no_pose_late() {
+    for k in 0..6 {
+        let begin = 8.3 + 0.1 * f64::from(k % 3);
+        let step = stories::fault(Kind::AccelerometerBias, begin, 1.2, 0.7, 6 * k as usize + 5);
+        let outcome = fly(&[step], 51);
+        assert!(outcome.failure.is_none() && outcome.ended && !outcome.toppled, "{outcome:?}");
+        assert!(!outcome.seen.contains(Fault::CaptureLate), "{outcome:?}");
+    }
+    let step =
+        stories::fault(Kind::AccelerometerBias, 8.51174693635913, 1.1444420552803447, 0.6987750540446815, 23);
+    assert_eq!(fly(&[step], 2270300).failure, None);
+}

@@ -37,8 +37,9 @@ const LOW: f64 = 0.1;
 pub(super) struct LiftOff {
     /// Time since the take-off began, s; `None` after it.
     since: Option<f64>,
-    /// Until the mission begins, and while poses surprise: the motion by the poses and by the accelerometer.
+    /// Until the mission begins, and while poses surprise: the motion by the poses and by the accelerometer, and by the rotors.
     witness: Option<Witness>,
+    by_rotors: Witness,
     /// The fault that was found.
     pub(super) fault: Option<Fault>,
     /// How much later than their times poses were when it was found, s.
@@ -53,16 +54,31 @@ impl LiftOff {
         *self = Self { since: Some(0.0), witness: Some(Witness::default()), ..Self::default() };
     }
 
-    /// Takes a reading of the accelerometer, m/s^2, IMU axes, for the `dt` s up to a time, s.
-    pub(super) fn feel(&mut self, state: &Navigation, specific_force_i: &Vector3, time: f64, dt: f64) {
+    /// Takes the specific force by the accelerometer and by the rotors, m/s^2, IMU axes, for the `dt` s up to a time, s.
+    pub(super) fn feel(
+        &mut self,
+        state: &Navigation,
+        (specific_force_i, rotors_i): (&Vector3, &Vector3),
+        time: f64,
+        dt: f64,
+    ) {
         if let Some(witness) = &mut self.witness {
             if witness.missed(time) {
                 witness.begin_again(time);
+                self.by_rotors.begin_again(time);
                 return;
             }
-            let felt_w = state.rotation_wi * (specific_force_i - state.accelerometer_bias_i);
-            witness.feel(&(felt_w - Vector3::new(0.0, 0.0, GRAVITY)), time, dt);
+            let felt_w = |force_i: Vector3| state.rotation_wi * force_i - Vector3::new(0.0, 0.0, GRAVITY);
+            witness.feel(&felt_w(specific_force_i - state.accelerometer_bias_i), time, dt);
+            self.by_rotors.feel(&felt_w(*rotors_i), time, dt);
         }
+    }
+
+    /// What poses and accelerometer tell together. A step of the accelerometer's bias looks like a delay, because before it poses
+    /// and accelerometer agreed: a delay must not be denied by the rotors.
+    fn told(&self) -> Told {
+        let told = self.witness.as_ref().map_or_else(Told::default, Witness::tells);
+        Told { late: told.late.filter(|late| !self.by_rotors.denies(*late)), ..told }
     }
 
     /// The pose with the time at which it was captured, if poses were found to be late, and with the yaw of the vehicle, if
@@ -87,6 +103,7 @@ impl LiftOff {
     pub(super) fn see(&mut self, pose: &PoseSample) {
         if let Some(witness) = &mut self.witness {
             witness.see(pose);
+            self.by_rotors.see(pose);
         }
     }
 }
@@ -127,13 +144,14 @@ impl Flight {
         let suspected = inconsistent || self.estimator.health().nis_mean > surprise;
         if suspected && matches!(phase, Phase::Flying | Phase::Holding | Phase::Landing) {
             let now = self.estimator.time();
-            watch.witness.get_or_insert_with(|| Witness::in_motion(now));
+            if watch.witness.is_none() {
+                (watch.witness, watch.by_rotors) = (Some(Witness::in_motion(now)), Witness::in_motion(now));
+            }
         } else if !hovers {
             watch.witness = None;
         }
         let asked = hovers || phase == Phase::Landing;
-        let witness = watch.witness.as_ref().filter(|_| asked);
-        let told = witness.map_or_else(Told::default, Witness::tells);
+        let told = if asked { watch.told() } else { Told::default() };
         watch.late = told.late.unwrap_or(0.0);
         if watch.since.is_none() {
             if told.late.is_some() {
@@ -243,7 +261,8 @@ mod tests {
                     continue;
                 }
                 let felt_w = (way(time + 1e-3) - way(time) * 2.0 + way(time - 1e-3)) / 1e-6;
-                watch.feel(&state, &(felt_w + Vector3::new(0.0, 0.0, GRAVITY)), time, time - last);
+                let force_i = felt_w + Vector3::new(0.0, 0.0, GRAVITY);
+                watch.feel(&state, (&force_i, &force_i), time, time - last);
                 last = time;
                 waiting.drain(..).for_each(|pose| watch.see(&pose));
                 let told = watch.witness.as_ref().map_or_else(Told::default, Witness::tells);
@@ -251,6 +270,32 @@ mod tests {
                 // Where the captured body has come is known all the time.
                 let moved = watch.witness.as_ref().map_or_else(Vector3::zeros, Witness::way);
                 prop_assert!((moved - (way(time) - way(0.01))).norm() < 3e-3 || time < 0.01, "{time} {moved}");
+            }
+        }
+
+        /// A step of the accelerometer's bias while the vehicle rises is no delay of the poses.
+        #[test]
+        fn a_step_of_the_accelerometers_bias_is_no_delay(
+            at in 0.2f64..1.5, step in -1.0f64..1.0, axis in 0..3_usize, lasts in 0.1f64..2.0, rate in 6.0f64..11.0
+        ) {
+            let way = |t: f64| {
+                let rises = if t < 1.2 { 0.2 * t * t } else { 0.48 * t - 0.288 };
+                Vector3::new(2e-3 * libm::sin(rate * t), 2e-3 * libm::cos(6.3 * t), rises)
+            };
+            let (mut watch, state) = (LiftOff::default(), Navigation::ORIGIN);
+            watch.begin();
+            for k in 1..1250 {
+                let time = 0.002 * f64::from(k);
+                let moves = (way(time + 1e-3) - way(time) * 2.0 + way(time - 1e-3)) / 1e-6;
+                let rotors = moves + Vector3::new(0.0, 0.0, GRAVITY);
+                let stepped = (at..at + lasts).contains(&time);
+                let felt = rotors + if stepped { Vector3::ith(axis, step) } else { Vector3::zeros() };
+                watch.feel(&state, (&felt, &rotors), time, 0.002);
+                if k % 5 == 0 {
+                    let (position_w, rotation_wr) = (way(time), Matrix3::identity());
+                    watch.see(&PoseSample { time, arrival: time, position_w, rotation_wr, tracking_valid: true });
+                    prop_assert_eq!(watch.told().late, None, "{}", time);
+                }
             }
         }
 

@@ -316,17 +316,15 @@ impl Last {
 
 impl Flight {
     /// Takes what was felt up to a time, s, over `dt` s: the specific force, m/s^2, IMU axes.
-    pub(super) fn feel_own(
-        &mut self,
-        specific_force_i: &Vector3,
-        rotor_speeds: &RotorVector,
-        time: f64,
-        dt: f64,
-    ) {
-        let vehicle = &self.params.vehicle;
+    pub(super) fn feel_own(&mut self, specific_force_i: &Vector3, rotors_r: &Vector3, time: f64, dt: f64) {
         let force_i = specific_force_i - self.estimator.accelerometer_bias();
-        let thrust_r = vehicle.body_wrench(rotor_speeds).force + self.control.bias_r.force;
-        self.own_poses.feel(&force_i, &(thrust_r / vehicle.mass()), time, dt);
+        self.own_poses.feel(&force_i, rotors_r, time, dt);
+    }
+
+    /// The specific force of the rotors with the bias, m/s^2, robot axes.
+    pub(super) fn specific_thrust_r(&self, rotor_speeds: &RotorVector) -> Vector3 {
+        let vehicle = &self.params.vehicle;
+        (vehicle.body_wrench(rotor_speeds).force + self.control.bias_r.force) / vehicle.mass()
     }
 
     /// Takes a captured pose.

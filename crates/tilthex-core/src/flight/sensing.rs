@@ -71,6 +71,8 @@ impl Flight {
         let modelled = self.estimator.is_modelled();
         let mut last = self.estimator.time();
         let mut believed = false;
+        let rotors_r = self.specific_thrust_r(rotor_speeds);
+        let rotors_i = self.params.vehicle.imu().rotation_r.transpose() * rotors_r;
         for s in samples {
             if !self.believes(s, input.time) {
                 continue;
@@ -80,9 +82,9 @@ impl Flight {
             self.estimator.predict_as(quality, s.time, &s.gyro_i, &s.specific_force_i);
             let dt = (s.time - last).max(0.0);
             let (gyro_i, force_i) = self.estimator.corrected(quality, &s.gyro_i, &s.specific_force_i);
-            self.lift_off.feel(&self.estimator.navigation(), &force_i, s.time, dt);
+            self.lift_off.feel(&self.estimator.navigation(), (&force_i, &rotors_i), s.time, dt);
             self.capture.feel(&gyro_i, &force_i, self.estimator.missed_velocity(dt), (s.time, dt));
-            self.feel_own(&force_i, rotor_speeds, s.time, dt);
+            self.feel_own(&force_i, &rotors_r, s.time, dt);
             last = s.time;
         }
         if inertial.refused_now || inertial.saturated {
@@ -109,7 +111,7 @@ impl Flight {
             let quality = if shaken { Quality::ModelledShaken } else { Quality::Modelled };
             let dt = (input.time - last).max(0.0);
             self.estimator.predict_as(quality, input.time, &gyro_i, &specific_force_i);
-            self.feel_own(&specific_force_i, rotor_speeds, input.time, dt);
+            self.feel_own(&specific_force_i, &rotors_r, input.time, dt);
             self.capture.flies_unfelt();
         }
         // When the source changes, rates jump without a motion.

@@ -1,7 +1,7 @@
-//! Compares captured positions with the accelerometer just after lift-off: finds the delay of the poses, whether they are
+//! Compares captured positions with what is felt just after lift-off: finds the delay of the poses, whether they are
 //! a mirror image, and a wrong yaw of the captured body.
 //!
-//! Second differences of both are correlated over a range of delays, so that neither a bias nor a drift has an
+//! Second differences of both are correlated over a range of delays, so that no drift of the felt motion has an
 //! effect. The largest correlation gives the delay, and its matrix the axes: a rotation keeps its determinant
 //! positive, a mirror image does not. The matrix without a delay gives the yaw.
 
@@ -199,20 +199,33 @@ impl Witness {
         self.turned = if self.yaw().is_some() { self.turned + dt } else { 0.0 };
     }
 
+    /// The correlation of each delay, and its products. What was felt before the first pose is in the delayed products only:
+    /// each has its own square.
+    fn correlations(&self) -> impl Iterator<Item = (f64, &Matrix3)> {
+        let [at_once, ..] = self.felt_squares;
+        let size = move |product: &Matrix3, square: f64| {
+            product.norm() / libm::sqrt((self.captured_square * square.max(at_once)).max(f64::MIN_POSITIVE))
+        };
+        let delays = self.products.iter().zip(&self.felt_squares);
+        delays.map(move |(product, square)| (size(product, *square), product))
+    }
+
     /// The delay with the largest correlation, in steps, that correlation, that of no delay, and its products.
     fn best(&self) -> Option<(usize, f64, f64, Matrix3)> {
-        let felt_square = *self.felt_squares.first()?;
+        let [felt_square, ..] = self.felt_squares;
         if felt_square < SHAKES || self.captured_square <= 0.0 {
             return None;
         }
-        // What was felt before the first pose is in the delayed products only: each has its own square.
-        let size = |(product, square): (&Matrix3, &f64)| {
-            product.norm() / libm::sqrt(self.captured_square * square.max(felt_square))
-        };
-        let at_once = size((self.products.first()?, &felt_square));
-        let delays = self.products.iter().zip(&self.felt_squares).enumerate();
-        let of = |(k, delayed): (usize, (&Matrix3, &f64))| (k, size(delayed), at_once, *delayed.0);
-        delays.map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
+        let (at_once, _) = self.correlations().next()?;
+        let of = |(k, (size, product)): (usize, (f64, &Matrix3))| (k, size, at_once, *product);
+        self.correlations().enumerate().map(of).reduce(|a, b| if b.1 > a.1 { b } else { a })
+    }
+
+    /// Whether poses without a delay fit better than those with a delay, s.
+    pub(super) fn denies(&self, late: f64) -> bool {
+        let steps = libm::round(late / STEP) as usize;
+        let size = |steps: usize| self.correlations().nth(steps).map_or(0.0, |(size, _)| size);
+        size(0) > size(steps)
     }
 
     /// What the observations show.
