@@ -87,3 +87,16 @@ fn an_accelerometer_that_steps_in_the_take_off_makes_no_pose_late() {
         stories::fault(Kind::AccelerometerBias, 8.51174693635913, 1.1444420552803447, 0.6987750540446815, 23);
     assert_eq!(fly(&[step], 2270300).failure, None);
 }
+
+/// A gyro whose bias changes on the ground does not excuse poses that contradict the IMU in the take-off.
+#[test]
+fn a_gyro_that_steps_on_the_ground_excuses_no_false_poses() {
+    for k in 0..6 {
+        let step = stories::fault(Kind::GyroBias, 2.8 + 0.3 * f64::from(k), 2.0, 0.6, 3 * k as usize);
+        let outcome = fly(&[built_in(Kind::CaptureYUp, 0.1, 17), step], 53);
+        assert!(outcome.failure.is_none() && outcome.ended && !outcome.toppled, "{outcome:?}");
+    }
+    let step = stories::fault(Kind::GyroBias, 2.8064311599715115, 2.532439019395715, 0.5326775537005088, 8);
+    let outcome = fly(&[built_in(Kind::CaptureYUp, 0.10507857849288704, 17), step], 2243217);
+    assert_eq!(outcome.failure, None, "{outcome:?}");
+}

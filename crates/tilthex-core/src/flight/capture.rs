@@ -108,6 +108,8 @@ pub(super) struct CaptureWatch {
     frozen: bool,
     /// State and biases of the vehicle at rest; in flight the biases follow slowly.
     rest: Option<Navigation>,
+    /// The gyro's bias at rest, rad/s, IMU axes. A bias that is farther from it than a bias can change was taught by false poses.
+    still_i: Vector3,
     window: Option<Window>,
     /// The last estimate that nothing made doubtful, and this estimate moved on by the IMU alone since samples were missing: where
     /// false poses came with the gap, the estimate follows them. And the time since then, s.
@@ -190,6 +192,7 @@ impl CaptureWatch {
     pub(super) fn rests(&mut self, state: &Navigation) {
         (self.rest, self.window, self.settles, self.stepped) = (Some(*state), None, 0.0, false);
         (self.certain, self.before) = (None, None);
+        self.still_i = state.gyro_bias_i;
         self.doubt.rests();
     }
 
@@ -265,7 +268,8 @@ impl CaptureWatch {
         }
         let (gyro_bias_i, accelerometer_bias_i) = (rest.gyro_bias_i, rest.accelerometer_bias_i);
         self.certain = Some(Navigation { gyro_bias_i, accelerometer_bias_i, ..state });
-        if self.stepped && self.window.is_none_or(|window| window.time > window.length) {
+        let possible = (state.gyro_bias_i - self.still_i).norm() < BIAS.1;
+        if self.stepped && possible && self.window.is_none_or(|window| window.time > window.length) {
             // The gyro's bias, as poses have shown it since then.
             rest.gyro_bias_i = state.gyro_bias_i;
             self.rest = Some(rest);
@@ -311,7 +315,7 @@ impl CaptureWatch {
         }
         let apart_i = so3::log(&(state.rotation_wi.transpose() * window.reckoned.rotation_wi));
         self.window = None;
-        if self.excused < EXCUSED && self.gyro_is_off(&state, &apart_i) {
+        if self.excused < EXCUSED && possible && self.gyro_is_off(&state, &apart_i) {
             (self.stepped, self.settles) = (true, SETTLES);
             self.excused = self.excused.saturating_add(1);
             return Some(Verdict::GyroIsOff);

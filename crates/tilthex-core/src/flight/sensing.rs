@@ -173,7 +173,7 @@ impl Flight {
         if self.known.is_some() || !self.estimator.is_initialized() {
             return None;
         }
-        if matches!(phase, Phase::Disarmed | Phase::Starting) {
+        if matches!(phase, Phase::Disarmed | Phase::Starting | Phase::Grounded) {
             self.capture.rests(&self.estimator.navigation());
         }
         self.capture.settle(self.estimator.health().position_age, dt);
