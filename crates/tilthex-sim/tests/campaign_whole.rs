@@ -100,3 +100,18 @@ fn a_gyro_that_steps_on_the_ground_excuses_no_false_poses() {
     let outcome = fly(&[built_in(Kind::CaptureYUp, 0.10507857849288704, 17), step], 2243217);
     assert_eq!(outcome.failure, None, "{outcome:?}");
 }
+
+/// Late poses of a body that is turned by a wrong yaw, which the vehicle has refused, are not taken for its own because it touches
+/// the ground.
+#[test]
+fn a_vertical_motion_does_not_show_that_turned_poses_are_true() {
+    let both =
+        |(yaw, k), (late, j)| [built_in(Kind::CaptureYawed, yaw, k), built_in(Kind::CaptureLatency, late, j)];
+    for (seed, faults) in [
+        (2300650, both((0.2896100784900174, 17), (0.522825903923164, 6))),
+        (2300962, both((0.31100752181290925, 31), (0.6284154790929172, 14))),
+    ] {
+        let outcome = fly(&faults, seed);
+        assert!(outcome.failure.is_none() && outcome.ended && !outcome.toppled, "{outcome:?}");
+    }
+}

@@ -125,6 +125,8 @@ pub(super) struct CaptureWatch {
     stepped: bool,
     excused: u32,
     lies: bool,
+    /// Whether they have contradicted it sideways more than in height.
+    aside: bool,
 }
 
 /// A contradiction: the state from the IMU alone, the estimate that follows the poses, and the begin of both, m,
@@ -155,6 +157,11 @@ impl CaptureWatch {
     /// Whether poses contradict the IMU. From then on no pose is used.
     pub(super) fn lies(&self) -> bool {
         self.lies
+    }
+
+    /// Whether poses contradict the IMU sideways: a vertical motion does not show that they are true after all.
+    pub(super) fn lies_aside(&self) -> bool {
+        self.lies && self.aside
     }
 
     /// The poses were found to be those of this vehicle: they are used again, and biases of the IMU are learnt anew.
@@ -323,7 +330,7 @@ impl CaptureWatch {
         if window.shows_a_force(&state, &force_w, vehicle) {
             return None;
         }
-        self.lies = true;
+        (self.lies, self.aside) = (true, off_velocity_w.xy().norm() > off_velocity_w.z.abs());
         let found = Contradiction { reckoned: window.reckoned, estimate: state, from_w: window.from_w };
         Some(Verdict::PosesLie(found, self.before.take().map_or(window.reckoned, |(before, _)| before)))
     }

@@ -29,7 +29,7 @@ const FASTEST: (f64, f64) = (6.0, 12.0);
 const LEAP: (f64, f64) = (0.03, 0.1);
 /// A way that deviates by less than this from a constant velocity, m, proves nothing.
 const MOVES: f64 = 5e-3;
-/// The felt way leaves at most this part of the captured deviation.
+/// The felt way leaves at most this part of the captured deviation, and of its horizontal part.
 const UNEXPLAINED: f64 = 0.3;
 
 /// Poses are compared with the state if none was used for this time, s; older poses than this, s, say nothing.
@@ -110,6 +110,8 @@ pub(super) struct Own {
     pub(super) displaced_w: Vector3,
     /// Whether the rotors show the captured way better than the accelerometer does: then the velocity is that of the centre of mass.
     pub(super) of_centre: bool,
+    /// Whether a sideways motion shows them, too.
+    pub(super) aside: bool,
 }
 
 /// The comparison of the last poses with what was felt.
@@ -268,14 +270,19 @@ impl OwnPoses {
         }
         let tells = |k: usize| {
             let track = |seen: &Seen| seen.tracks.get(k).copied().unwrap_or_default();
-            let captured = self.line(|seen| track(seen).captured_w);
-            let off = self.line(|seen| track(seen).captured_w - track(seen).position_w);
+            let captured_w = |seen: &Seen| track(seen).captured_w;
+            let off_w = |seen: &Seen| track(seen).captured_w - track(seen).position_w;
+            let (captured, off) = (self.line(captured_w), self.line(off_w));
             let part = if captured.left > MOVES { off.left / captured.left } else { f64::INFINITY };
-            (part, off.slope + track(&last.seen).velocity_w)
+            // A vertical motion does not show a wrong yaw.
+            let (aside, off_aside) =
+                (self.line(|seen| level(captured_w(seen))).left, self.line(|seen| level(off_w(seen))).left);
+            let part = if aside > MOVES { part.max(off_aside / aside) } else { part };
+            (part, off.slope + track(&last.seen).velocity_w, aside > MOVES)
         };
         let [by_imu, by_rotors] = [tells(0), tells(1)];
         let of_centre = by_rotors.0 < by_imu.0;
-        let (part, velocity_w) = if of_centre { by_rotors } else { by_imu };
+        let (part, velocity_w, aside) = if of_centre { by_rotors } else { by_imu };
         if part.is_nan() || part > UNEXPLAINED {
             return None;
         }
@@ -293,6 +300,7 @@ impl OwnPoses {
             displaced_w: if displaced_w.norm() > DISPLACED { displaced_w } else { Vector3::zeros() },
             age,
             of_centre,
+            aside,
         })
     }
 
@@ -301,6 +309,11 @@ impl OwnPoses {
         self.displaced_w = *displaced_w;
         self.begin = None;
     }
+}
+
+/// The horizontal part of a vector, world.
+fn level(v_w: Vector3) -> Vector3 {
+    Vector3::new(v_w.x, v_w.y, 0.0)
 }
 
 impl Last {
@@ -347,7 +360,8 @@ impl Flight {
         if !refused || !self.supervisor.phase().in_flight() || self.lift_off.begins() {
             return;
         }
-        let Some(own) = self.own_poses.own().filter(|own| own.age < OLDEST) else { return };
+        let proven = |own: &Own| own.age < OLDEST && (own.aside || !self.capture.lies_aside());
+        let Some(own) = self.own_poses.own().filter(proven) else { return };
         let state = self.estimator.navigation();
         let robot = self.estimator.robot_state();
         let imu = self.params.vehicle.imu();
