@@ -6,6 +6,7 @@ import signal
 import socket
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,6 +45,15 @@ def flood(port, stop):
                 connection.send(request)
 
 
+def priorities(pid):
+    """The real-time priority of each thread of a process by its name; 0 for an ordinary one."""
+    threads = {}
+    for thread in Path(f"/proc/{pid}/task").iterdir():
+        stat = (thread / "stat").read_text().rpartition(")")[2].split()
+        threads[(thread / "comm").read_text().strip()] = int(stat[37])
+    return threads
+
+
 def test_one_flight_and_everybody_who_is_in_its_way(tmp_path):
     log = tmp_path / "flight.mcap"
     with started("--sim", "--control", "127.0.0.1:0", "--log", log) as process:
@@ -79,6 +89,12 @@ def test_one_flight_and_everybody_who_is_in_its_way(tmp_path):
             flight.take_off()
         hover = wait_for(flight, lambda state: state["compliant"])
         assert hover["phase"] == "flying" and not hover["faults"]
+        # Where the loop has real-time rights, who serves it stands behind it, and before ordinary programs.
+        given = priorities(process.pid)
+        below = [given["loop"] - max(0, given["loop"] - number) for number in (0, 2, 3, 3)]
+        assert [
+            given["loop"] - given[name] for name in ("loop", "recorder", "control", "control-client")
+        ] == below
         # Without its operator it holds; whoever takes the controls goes on.
         flight.close()
         with tilthex.connect(port=port) as successor:
