@@ -22,6 +22,9 @@ const STANDS: (f64, f64) = (0.05, 0.05);
 /// A line is late by at most this, s, where it delays what has waited.
 const LONGEST: f64 = 0.1;
 
+/// After a silence of more than this, s, nothing is known about the line. A board restarts in less.
+const FORGOTTEN: f64 = 2.0;
+
 /// Compares arrival times with the times that follow from the sample numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LineDelay {
@@ -46,12 +49,17 @@ impl LineDelay {
         }
     }
 
-    /// The numbers of the samples have no meaning after a silence: the board may have restarted. The line is as late as it was,
-    /// until a change is seen. Samples that have waited for the host go on with their numbers.
-    pub fn begin_anew(&mut self) {
-        if self.stood.is_none_or(|(end, _)| self.read != Some(end)) {
-            (self.usual, self.since) = (None, None);
+    /// The numbers of the samples have no meaning after a silence that ends at `now`, s: the board may have restarted. The line
+    /// is as late as it was, until a change is seen; after a long silence nothing is known. If the host itself stood still, the
+    /// numbers go on, and nothing is forgotten.
+    pub fn begin_anew(&mut self, now: f64) {
+        if self.stood.is_some_and(|(end, _)| self.read == Some(end)) {
+            return;
         }
+        if self.usual.is_some_and(|(_, last)| now - last > FORGOTTEN) {
+            (self.late, self.delay) = (false, 0.0);
+        }
+        (self.usual, self.since) = (None, None);
     }
 
     /// Takes the time of a sample from its number, s from the first one, and its arrival, s. Returns the delay of the

@@ -39,8 +39,8 @@ fn sample(sequence: u8) -> Vec<u8> {
 }
 
 /// The delay that the host finds in each tick, s, for a board that is silent from 2 s on and then begins with another number.
-/// All samples arrive `late` s late from 1 s on.
-fn found(silence: f64, number: u8, late: f64) -> Vec<(f64, f64)> {
+/// All samples arrive `late.0` s late from 1 s on, and `late.1` s late after the silence.
+fn found(silence: f64, number: u8, late: (f64, f64)) -> Vec<(f64, f64)> {
     let mut link = link();
     let mut samples: Vec<_> = (0..2000_u32)
         .map(|i| {
@@ -49,7 +49,12 @@ fn found(silence: f64, number: u8, late: f64) -> Vec<(f64, f64)> {
             } else {
                 (f64::from(i) * PERIOD + silence, number.wrapping_add(i as u8))
             };
-            (made + 1e-4 + if i < 500 { 0.0 } else { late }, sample(sequence))
+            let late = match i {
+                ..500 => 0.0,
+                500..1000 => late.0,
+                1000.. => late.1,
+            };
+            (made + 1e-4 + late, sample(sequence))
         })
         .collect();
     let mut found = vec![];
@@ -67,7 +72,7 @@ proptest! {
 
     #[test]
     fn a_board_that_starts_again_makes_no_line_late(silence in 0.26..1.5_f64, number in any::<u8>()) {
-        for (now, delay) in found(silence, number, 0.0) {
+        for (now, delay) in found(silence, number, (0.0, 0.0)) {
             prop_assert_eq!(delay, 0.0, "at {} s", now);
         }
     }
@@ -76,9 +81,19 @@ proptest! {
     fn a_late_line_stays_late_when_its_board_starts_again(
         silence in 0.26..1.0_f64, number in any::<u8>(), late in 0.015..0.06_f64,
     ) {
-        for (now, delay) in found(silence, number, late) {
+        for (now, delay) in found(silence, number, (late, late)) {
             let known = now > 1.2;
             prop_assert!(!known || (0.6 * late..1.1 * late).contains(&delay), "{} at {} s", delay, now);
+        }
+    }
+
+    #[test]
+    fn a_line_that_is_mended_during_a_long_silence_is_not_late(
+        silence in 2.1..3.0_f64, number in any::<u8>(), late in 0.015..0.06_f64,
+    ) {
+        for (now, delay) in found(silence, number, (late, 0.0)) {
+            let known = now > 2.1 + silence;
+            prop_assert!(!known || delay == 0.0, "{} at {} s", delay, now);
         }
     }
 }

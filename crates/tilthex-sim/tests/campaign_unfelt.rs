@@ -50,4 +50,7 @@ fn a_gyro_at_the_end_of_its_range_spins_no_vehicle_up() {
     let arm = fault(Kind::PushOnArm, 2.07965808536414, 0.6008350401318177, 0.8400482716104118, 12);
     let late = fault(Kind::ImuSaturated, 2.417301968787624, 1.6531628778292424, 0.9369787977040968, 13);
     none_fails(&[(2275437, &[saturated, push]), (2279765, &[arm, late])]);
+    // Where the ground stops a spin, the state holds the error of the model's rate, which is no bias of a good gyro.
+    let stuck = fault(Kind::RotorStuck, 1.3384650585760718, 0.6350114087058969, 0.6541811634060191, 10);
+    none_fails(&[(9010105, &[stuck])]);
 }

@@ -22,6 +22,11 @@ impl KeptBias {
         self.0.is_some()
     }
 
+    /// The bias of the gyro, rad/s, IMU axes, if the state does not hold it.
+    pub(super) fn mean_i(&self) -> Option<Vector3> {
+        self.0.map(|[x, y, z, _]| Vector3::new(x.into(), y.into(), z.into()))
+    }
+
     /// Before a sample is applied: keeps the bias of the gyro, or returns it when it is used again.
     fn pass(&mut self, quality: Quality, now: impl FnOnce() -> GyroBias) -> Option<GyroBias> {
         if quality.is_modelled() {
@@ -93,6 +98,7 @@ mod tests {
         // The model turns, and the frozen poses do not: the model's rate seems to have a large error.
         go(&mut estimator, Quality::Modelled, &Vector3::new(0.0, 0.4, 0.0), level, 300);
         assert!((estimator.navigation().gyro_bias_i - before).norm() > 0.1);
+        assert!((estimator.own_gyro_bias() - before).norm() < 1e-6);
         estimator.doubt_motion();
         go(&mut estimator, Quality::Modelled, &Vector3::zeros(), level, 2);
         go(&mut estimator, Quality::Measured, &bias, level, 2);

@@ -87,6 +87,11 @@ impl Estimator {
         self.current.gyro_bias_i
     }
 
+    /// Bias of the gyro itself, rad/s, IMU coordinates: while a model replaces the gyro, the bias that it had before.
+    pub(crate) fn own_gyro_bias(&self) -> Vector3 {
+        self.current_kept_bias.mean_i().unwrap_or(self.current.gyro_bias_i)
+    }
+
     /// Bias of the accelerometer, m/s^2, IMU coordinates.
     #[must_use]
     pub fn accelerometer_bias(&self) -> Vector3 {

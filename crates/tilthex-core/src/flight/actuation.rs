@@ -11,7 +11,7 @@ use crate::{
     controller::{ControllerInput, ControllerState},
     supervisor::{
         Fault, Phase,
-        limits::{LINE_LATE, POSE_LATE, POSE_LOST_LONG, UNSEEN_DESCENT, VELOCITY_DEVIATION},
+        limits::{LINE_LATE, POSE_LOST, POSE_LOST_LONG, UNSEEN_DESCENT, VELOCITY_DEVIATION},
     },
     types::{RobotState, RotorVector},
 };
@@ -132,7 +132,7 @@ impl Flight {
     /// and nothing measures or holds its attitude.
     fn attitude_lost(&self) -> bool {
         let active = self.supervisor.active();
-        let seen = self.estimator.health().pose_age < POSE_LATE;
+        let seen = self.estimator.health().pose_age < POSE_LOST;
         let unfelt = active.contains(Fault::ImuSilent) && !seen;
         let powerless = self.adrift || active.contains(Fault::SetpointInfeasible);
         // A tenth of a second decides how far aside the vehicle comes down.

@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Rates of the position loop and of the rotation loop, both critically damped, and of the observer, 1/s, that tolerate the longest
-/// delay, s, with the rotors' lag.
+/// delay there and back together, s, with the rotors' lag.
 const POSITION: f64 = 1.5;
 const ROTATION: f64 = 5.0;
 const OBSERVER: f64 = 3.0;

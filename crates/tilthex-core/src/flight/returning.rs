@@ -65,10 +65,10 @@ impl Flight {
         if !broken {
             return self.returning.admits(0.0, false, true, now);
         }
-        let rate_i = sample.gyro_i - self.estimator.gyro_bias();
+        let rate_i = sample.gyro_i - self.estimator.own_gyro_bias();
         let rate_r = self.params.vehicle.imu().rotation_r * rate_i;
         let apart = (rate_r - self.estimator.robot_state().angular_velocity_r).norm();
-        let seen = self.estimator.health().position_age < POSE_LOST;
+        let seen = self.estimator.health().pose_age < POSE_LOST;
         self.returning.admits(apart, true, seen, now)
     }
 }

@@ -173,8 +173,8 @@ pub const COUNT: usize = 57;
 /// All faults, in the order of [`Fault`].
 #[rustfmt::skip]
 pub const TABLE: [Row; COUNT] = [
-    row(Fault::ImuLate, "IMU late", s("no inertial sample for {} ms", &[1e3 * l::IMU_LATE]), (0.0, 0.1), (Note, Note), s("the model predicts until the next sample", &[])),
-    row(Fault::ImuSilent, "IMU silent", s("no inertial sample for {} ms", &[1e3 * l::IMU_SILENT]), (0.0, 0.5), (Refuse, Land), s("the model replaces the IMU; the stream is requested again every {} ms", &[1e3 * l::STREAM_SILENT])),
+    row(Fault::ImuLate, "IMU late", s("no inertial sample, or none that is believed, for {} ms", &[1e3 * l::IMU_LATE]), (0.0, 0.1), (Note, Note), s("the model predicts until the next sample", &[])),
+    row(Fault::ImuSilent, "IMU silent", s("no inertial sample, or none that is believed, for {} ms", &[1e3 * l::IMU_SILENT]), (0.0, 0.5), (Refuse, Land), s("the model replaces the IMU; the stream is requested again every {} ms", &[1e3 * l::STREAM_SILENT])),
     row(Fault::ImuFrozen, "IMU frozen", s("{} equal inertial samples in a row", &[l::IMU_FROZEN as f64]), (0.0, 0.5), (Refuse, Land), s("the model replaces the IMU", &[])),
     row(Fault::ImuSaturated, "IMU saturated", s("a reading at the end of its range, or one that has returned from there and differs by {} rad/s from the model", &[l::RETURNS_NEAR]), (0.05, 0.5), (Refuse, Land), s("the model replaces the sample; a short shock is not a fault", &[])),
     row(Fault::ImuOutOfRange, "IMU out of range", s("an inertial sample that is out of range, or too far from the one before it", &[]), (0.0, 0.1), (Note, Note), s("the sample is dropped; if many are dropped, the IMU counts as silent", &[])),

@@ -68,7 +68,7 @@ impl ImuStream {
     pub(super) fn take(&mut self, frame: &ImuFrame, now: f64, out: &mut InertialTelemetry) {
         let Some(scales) = self.scales else { return };
         if self.clock.is_new_count(now) {
-            self.line.begin_anew();
+            self.line.begin_anew(now);
         }
         let (time, lost) = match self.clock.step(frame.sequence, now) {
             Arrival::New { time, lost, .. } => {

@@ -17,7 +17,7 @@ use super::{
     counters::add,
     natnet_line::Line,
     now, seconds,
-    source::{PoseSource, Protocol},
+    source::{PAUSE, PoseSource, Protocol},
     uri::MocapUri,
 };
 use crate::{
@@ -296,15 +296,13 @@ impl Session {
             {
                 let packet = parse_packet(&buffer[..length]);
                 let id = packet.as_ref().ok().map(|(id, _)| *id);
-                if !self.sender.admits(port, id, self.data_port, now()) {
-                    add(&self.sink.counters.refused, 1);
-                    continue;
+                let admitted = self.sender.admits(port, id, self.data_port, now());
+                match packet.ok().filter(|_| admitted) {
+                    Some((MessageId::EchoResponse, payload)) => self.take_echo(payload),
+                    Some((id, payload)) => found = take(self, id, payload),
+                    None => add(&self.sink.counters.refused, 1),
                 }
-                match packet {
-                    Ok((MessageId::EchoResponse, payload)) => self.take_echo(payload),
-                    Ok((id, payload)) => found = take(self, id, payload),
-                    Err(_) => add(&self.sink.counters.refused, 1),
-                }
+                std::thread::sleep(PAUSE);
             }
             self.buffer = buffer;
             if found.is_some() {

@@ -11,6 +11,7 @@ use rustix::{
 };
 use socket2::{Domain, Socket, Type};
 
+use super::source::PAUSE;
 use tilthex_core::types::Nanos;
 
 /// The sockets to one server.
@@ -83,7 +84,7 @@ impl Line {
                         return Some((length, from.port()));
                     }
                     // Packets from other hosts are ignored.
-                    Ok(_) => {}
+                    Ok(_) => std::thread::sleep(PAUSE),
                     Err(_) => return None,
                 }
             }

@@ -1,9 +1,13 @@
 //! The interface of every pose source, and the list of all sources.
 
-use std::{net::SocketAddr, sync::atomic::AtomicBool};
+use std::{net::SocketAddr, sync::atomic::AtomicBool, time::Duration};
 
 use super::{SourceError, client::Sink, natnet_client, udp_client, uri::MocapUri, vrpn_client};
 use crate::{natnet, udp, vrpn};
+
+/// Pause after each packet. A client's thread may have real-time rights, and a flood of packets must not take a processor from
+/// the loop.
+pub(super) const PAUSE: Duration = Duration::from_micros(30);
 
 /// A source of poses of the vehicle. It runs in its own thread and may wait there.
 pub(super) trait PoseSource: Send {

@@ -13,7 +13,7 @@ use super::{
     client::{Sink, list},
     counters::add,
     now,
-    source::PoseSource,
+    source::{PAUSE, PoseSource},
     uri::MocapUri,
 };
 use crate::{
@@ -122,6 +122,7 @@ impl PoseSource for Session {
     fn run(mut self: Box<Self>, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             self.read();
+            std::thread::sleep(PAUSE);
         }
     }
 }

@@ -15,7 +15,7 @@ use super::{
     client::{Sink, list},
     counters::add,
     now,
-    source::PoseSource,
+    source::{PAUSE, PoseSource},
     uri::MocapUri,
 };
 
@@ -78,6 +78,7 @@ impl PoseSource for Session {
     fn run(mut self: Box<Self>, stop: &AtomicBool) {
         while !stop.load(Ordering::Relaxed) {
             if self.read().is_some() {
+                std::thread::sleep(PAUSE);
                 continue;
             }
             add(&self.sink.counters.silences, 1);

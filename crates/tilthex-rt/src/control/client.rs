@@ -9,12 +9,16 @@ use std::{
 use serde_json::{Value, json};
 
 use super::{Shared, address::Stream, desk::Client, places::Place, session::Session};
-use crate::sleeper::{Clock, Monotonic};
+use crate::sleeper::{Clock, Monotonic, Nanos};
 
 /// Longest line of a request, bytes.
 const LONGEST_LINE: usize = 64 * 1024;
 /// Longest wait for the socket before the thread does other work.
 pub(super) const LOOK: Duration = Duration::from_millis(20);
+/// After the orders of one read, the thread pauses for this many times the time that they took, and for these times at least and
+/// at most. It may have real-time rights, and clients without a pause must not take the processors from the loop.
+const SHARE: Nanos = 8;
+const PAUSE: (Duration, Duration) = (Duration::from_micros(100), Duration::from_millis(20));
 /// A client that does not read for this time is disconnected.
 const STUCK: Duration = Duration::from_millis(500);
 
@@ -60,19 +64,22 @@ impl Connection {
                 ) => {}
             Err(e) => return Err(e),
         }
+        let mut busy = 0;
         while let Some(end) = self.received.iter().position(|&byte| byte == b'\n') {
             let line: Vec<_> = self.received.drain(..=end).collect();
             let now = Monotonic.now();
             self.place.touch(now);
             let reply = self.session.line(&line, now);
-            // A client without a pause must not keep the others, who may kill, from the processor.
-            std::thread::yield_now();
+            busy += Monotonic.now().saturating_sub(now);
             if let Some(line) = &reply.line {
                 self.say(line)?;
             }
             if reply.ends {
                 return Err(ErrorKind::InvalidData.into());
             }
+        }
+        if busy > 0 {
+            std::thread::sleep(Duration::from_nanos(SHARE * busy).max(PAUSE.0).min(PAUSE.1));
         }
         if self.received.len() > LONGEST_LINE {
             self.say(&json!({"error": format!("a line is longer than {LONGEST_LINE} bytes")}))?;

@@ -177,7 +177,7 @@ const TIMING: Message<Tick> = Message {
         field(1, "wake_latency", "ns", "", "From the deadline to the start of the tick.", Total(|t| t.timing.wake_latency)),
         field(2, "compute", "ns", "", "From the start of the tick to the end of its write.", Total(|t| t.timing.compute)),
         field(3, "period", "ns", "", "From the start of the last tick to the start of this one.", Total(|t| t.timing.period)),
-        field(4, "skipped", "", "", "Whole periods that were skipped since the tick before in this log.", Total(|t| t.timing.skipped)),
+        field(4, "skipped", "", "", "Whole periods that were skipped since the last tick in this log.", Total(|t| t.timing.skipped)),
         field(5, "imu_to_command", "ns", "", "From the moment at which the IMU's bytes were found to the end of the command's write; 0 if no bytes came.", Total(|t| t.timing.imu_to_command)),
         field(6, "polls", "", "", "How often the loop looked at the port before the IMU's bytes were there.", Count(|t| t.timing.polls)),
         field(7, "short_writes", "", "", "Writes of which the line took only a part, total.", Total(|t| t.timing.short_writes)),
