@@ -120,7 +120,7 @@ impl Judge {
         }
     }
 
-    pub(super) fn fail(&mut self, world: &World, what: impl std::fmt::Display) {
+    fn fail(&mut self, world: &World, what: impl std::fmt::Display) {
         self.outcome.failure.get_or_insert_with(|| format!("{:.3} s: {what}", world.now()));
     }
 
