@@ -91,10 +91,8 @@ def test_one_flight_and_everybody_who_is_in_its_way(tmp_path):
         assert hover["phase"] == "flying" and not hover["faults"]
         # Where the loop has real-time rights, who serves it stands behind it, and before ordinary programs.
         given = priorities(process.pid)
-        below = [given["loop"] - max(0, given["loop"] - number) for number in (0, 2, 3, 3)]
-        assert [
-            given["loop"] - given[name] for name in ("loop", "recorder", "control", "control-client")
-        ] == below
+        for name, steps in {"recorder": 2, "control": 3, "control-client": 3}.items():
+            assert given[name] == max(0, given["loop"] - steps), given
         # Without its operator it holds; whoever takes the controls goes on.
         flight.close()
         with tilthex.connect(port=port) as successor:

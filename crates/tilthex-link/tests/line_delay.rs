@@ -2,10 +2,12 @@
 
 #![allow(clippy::unwrap_used)]
 
+mod params;
+
+use params::params;
 use proptest::prelude::*;
 use tilthex_link::{
-    Link, LinkKind, LinkParams, Text, VehicleLink,
-    px4::ThrottleMap,
+    Link, LinkKind, Text, VehicleLink,
     tk3::{ImuFrame, MAX_FRAME, VehicleMessage},
 };
 
@@ -13,14 +15,7 @@ const PERIOD: f64 = 0.002;
 
 /// The host's end of a line to a board that has told what it is.
 fn link() -> Link {
-    let params = LinkParams {
-        imu_period_us: 2000,
-        motor_period_us: 4000,
-        battery_period_us: 1_000_000,
-        scales: None,
-        throttle: ThrottleMap::default(),
-    };
-    let mut link = Link::new(LinkKind::Tk3, params, 6).unwrap();
+    let mut link = Link::new(LinkKind::Tk3, params(), 6).unwrap();
     link.receive(&encoded(&VehicleMessage::Identity(Text::new(b"chimera1.1"))), 0.0);
     link
 }

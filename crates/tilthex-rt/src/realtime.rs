@@ -77,25 +77,9 @@ pub fn acquire(demand: Demand) -> Result<Rights, Failure> {
 }
 
 impl Demand {
-    /// What a thread that brings the loop something does first: [`acquire_helper`], or nothing with [`Demand::Off`].
+    /// What a thread that serves the loop does first: asks for its rights by `acquire`, or nothing with [`Demand::Off`].
     #[must_use]
-    pub fn of_helper(self) -> fn() {
-        self.first(acquire_helper)
-    }
-
-    /// What the thread that writes the log does first: [`acquire_recorder`], or nothing with [`Demand::Off`].
-    #[must_use]
-    pub fn of_recorder(self) -> fn() {
-        self.first(acquire_recorder)
-    }
-
-    /// What a thread that takes orders does first: [`acquire_control`], or nothing with [`Demand::Off`].
-    #[must_use]
-    pub fn of_control(self) -> fn() {
-        self.first(acquire_control)
-    }
-
-    fn first(self, acquire: fn()) -> fn() {
+    pub fn first(self, acquire: fn()) -> fn() {
         match self {
             Self::Off => || (),
             Self::Require | Self::Prefer => acquire,

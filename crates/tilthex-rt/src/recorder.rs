@@ -22,7 +22,6 @@ use tilthex_sim::{
 use crate::{
     Failure,
     log::{Attachments, BlackBox, Epoch, FlightLog, Index, LogFile, Whereabouts, file::refused},
-    realtime::Demand,
     summary::Statistics,
 };
 
@@ -110,8 +109,8 @@ pub struct RecorderParams {
     pub attachments: Attachments,
     /// Number of rotors of the vehicle.
     pub rotor_count: usize,
-    /// Whether its thread asks for a priority.
-    pub realtime: Demand,
+    /// What its thread does first: it may ask for a priority.
+    pub first: fn(),
 }
 
 /// The running recorder.
@@ -173,7 +172,7 @@ impl Recorder {
             shared: Arc::clone(&shared),
             flushed: 0.0,
         };
-        let first = worker.params.realtime.of_recorder();
+        let first = worker.params.first;
         let thread = std::thread::Builder::new()
             .name("recorder".into())
             .stack_size(512 * 1024)

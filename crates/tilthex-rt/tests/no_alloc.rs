@@ -17,7 +17,6 @@ use tilthex_rt::{
     flags::Flags,
     log::{Attachments, LogFile},
     port::Port,
-    realtime::Demand,
     realtime::LOOP_STACK,
     recorder::{Recorder, RecorderParams},
     sim::{CAPTURE_EVERY, Capture, Server},
@@ -49,7 +48,7 @@ fn the_loop_never_allocates() {
         black_box: directory.path().join("fault.mcap"),
         attachments: Attachments::default(),
         rotor_count: 6,
-        realtime: Demand::Off,
+        first: || (),
     })
     .expect("starts");
     let (_client, poses) =

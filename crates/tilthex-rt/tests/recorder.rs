@@ -15,7 +15,6 @@ use tilthex_core::{
 };
 use tilthex_rt::{
     log::{Attachments, LogFile},
-    realtime::Demand,
     recorder::{Recorder, RecorderParams},
 };
 use tilthex_sim::feed::Tick;
@@ -27,7 +26,7 @@ fn params(directory: &Path, log: &Path) -> RecorderParams {
         black_box: directory.join("fault.mcap"),
         attachments: Attachments { config: "[vehicle]\n".into(), ..Attachments::default() },
         rotor_count: 6,
-        realtime: Demand::Off,
+        first: || (),
     }
 }
 

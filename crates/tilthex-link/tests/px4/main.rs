@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
+#[path = "../params/mod.rs"]
+mod params;
 mod recorded;
 
 use proptest::{collection::vec, prelude::*};

@@ -1,8 +1,8 @@
 //! Recorded conversations with clients that others wrote.
 
-use super::{framed, messages, written};
+use super::{framed, messages, params::params, written};
 use tilthex_core::flight::MotorCommand;
-use tilthex_link::{Link, LinkKind, LinkParams, MAX_BYTES_IN, Outgoing, VehicleLink, px4::*};
+use tilthex_link::{Link, LinkKind, MAX_BYTES_IN, Outgoing, VehicleLink, px4::*};
 
 /// A conversation with eProsima's Micro-XRCE-DDS-Client 3.0.1 over a serial line, recorded by tilthex: the session, clock
 /// and topics as PX4's `uxrce_dds_client` makes them, then streams. Records of `V` (from the vehicle) or `H` (from the
@@ -24,14 +24,7 @@ fn recorded(mut rest: &'static [u8]) -> impl Iterator<Item = (u8, &'static [u8])
 }
 
 fn host() -> Link {
-    let params = LinkParams {
-        imu_period_us: 2000,
-        motor_period_us: 4000,
-        battery_period_us: 1_000_000,
-        scales: None,
-        throttle: ThrottleMap::default(),
-    };
-    Link::new(LinkKind::Px4, params, 6).unwrap()
+    Link::new(LinkKind::Px4, params(), 6).unwrap()
 }
 
 /// Takes framed bytes in a tick that ends at `now`, s. Returns the number of samples, whether `look` saw one, and the bytes

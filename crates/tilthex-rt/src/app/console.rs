@@ -28,7 +28,7 @@ use crate::{
     keys::{self, Keys},
     log::{Attachments, LogFile},
     output::{self, say},
-    realtime::{Demand, acquire_helper},
+    realtime::{acquire_control, acquire_helper, acquire_recorder},
     recorder::Recorder,
     signals,
     waiting::Waiting,
@@ -85,14 +85,14 @@ pub(super) fn run(args: &Args) -> Result<(), Failure> {
     }
     let log = path.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
     let attached = Attachments { take_off: args.take_off, on_board: true, ..Attachments::default() };
-    let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached, Demand::Prefer))?;
+    let (recorder, feed, _) = Recorder::start(recorder_params(&config, log, attached, acquire_recorder))?;
     let (commands_in, commands) = RingBuffer::new(COMMAND_RING);
     let control = match &args.control.control {
         Some(address) => {
             let carrier = Carrier { admittance: config.controller().admittance };
             let way = Way::Board(commands_in, Box::new(carrier));
             let desk = Desk::new(Orders::new(&config), way, recorder.observer(), flags.clone());
-            Some(ControlSocket::start(address, token, desk, Demand::Prefer.of_control())?)
+            Some(ControlSocket::start(address, token, desk, acquire_control)?)
         }
         None => None,
     };

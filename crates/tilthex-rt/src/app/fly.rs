@@ -72,20 +72,21 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
     let client = config.mocap().client()?;
     args.check_start(&config)?;
     // The log is created, and an old one replaced, only after the vehicle and motion capture have been found.
-    let helper = args.rights.realtime.of_helper();
+    let rights = args.rights.realtime;
+    let helper = rights.first(realtime::acquire_helper);
     let real = if args.sim { None } else { Some(Peers::connect(&args.setup, &config, client, helper)?) };
     let log = log.map(|path| LogFile::create(&path, args.log.overwrite)).transpose()?;
     let (recorder, feed, truths) = {
         let take_off = params.flight.take_off;
         let attached = Attachments { trajectory, take_off, ..Attachments::default() };
-        Recorder::start(recorder_params(&config, log, attached, args.rights.realtime))?
+        Recorder::start(recorder_params(&config, log, attached, rights.first(realtime::acquire_recorder)))?
     };
     let (commands_in, commands) = RingBuffer::<Command>::new(COMMAND_RING);
     let orders = Orders::new(&config);
     let control = match &args.control.control {
         Some(address) => {
             let desk = Desk::new(orders, Way::Loop(commands_in), recorder.observer(), flags.clone());
-            Some(ControlSocket::start(address, token, desk, args.rights.realtime.of_control())?)
+            Some(ControlSocket::start(address, token, desk, rights.first(realtime::acquire_control))?)
         }
         None => None,
     };
@@ -121,9 +122,8 @@ pub(super) fn fly(args: &Args) -> Result<(), Failure> {
             patience: args.take_off.then_some(PATIENCE),
         },
     };
-    let running = start(control_loop, args.rights.realtime)?;
-    let reference =
-        (args.sim || args.reference).then(|| Reference::start(period, args.rights.realtime).ok()).flatten();
+    let running = start(control_loop, rights)?;
+    let reference = (args.sim || args.reference).then(|| Reference::start(period, rights).ok()).flatten();
     let keys = Keys::watch(vec![keys::kill(&flags)], helper);
     if keys.is_some() {
         say!("Ctrl-C lands; the key K (capital letter) stops the motors at once");
@@ -224,7 +224,7 @@ pub(super) fn recorder_params(
     config: &Config,
     log: Option<LogFile>,
     attached: Attachments,
-    realtime: Demand,
+    first: fn(),
 ) -> RecorderParams {
     let black_box = log.as_ref().map_or_else(
         || {
@@ -238,7 +238,7 @@ pub(super) fn recorder_params(
         black_box,
         attachments: Attachments { config: config.to_toml(), ..attached },
         rotor_count: config.vehicle().vehicle().rotor_count(),
-        realtime,
+        first,
     }
 }
 

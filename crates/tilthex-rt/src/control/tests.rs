@@ -21,7 +21,6 @@ use crate::{
     carrier::Carrier,
     flags::Flags,
     log::Attachments,
-    realtime::Demand,
     recorder::{Recorder, RecorderParams},
     waiting::Asked,
 };
@@ -64,7 +63,7 @@ impl Office {
             black_box: "none".into(),
             attachments: Attachments::default(),
             rotor_count: 6,
-            realtime: Demand::Off,
+            first: || (),
         })
         .expect("starts");
         let flags = Flags::default();
