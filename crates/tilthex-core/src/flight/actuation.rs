@@ -43,8 +43,6 @@ impl Flight {
                 let guided = self.guidance.step(phase, self.descent(), &robot, &self.params.vehicle, dt);
                 let learns_model = guided.learn_model || self.learns_model;
                 self.learn_model(learns_model, &guided, rotor_speeds, dt);
-                let slowed = if is_late { late::slowed(&self.controller, line_delay).ok() } else { None };
-                let controller = slowed.as_ref().unwrap_or(&self.controller);
                 let compliant =
                     guided.compliant && !self.learns && !learns_model && !self.model.is_calibrated_next();
                 let input = ControllerInput {
@@ -58,7 +56,11 @@ impl Flight {
                     lost_rotors: self.lost | self.thrust.tried(),
                     fixed_attitude: phase == Phase::Emergency,
                 };
-                let output = controller.step(&mut self.control, &input, dt);
+                let output = if is_late {
+                    late::step(&self.controller, line_delay, &mut self.control, &input, dt)
+                } else {
+                    self.controller.step(&mut self.control, &input, dt)
+                };
                 if self.accept(&self.rotor_model.made_up(&output.rotor_speeds)) {
                     let (vehicle, external) =
                         (&self.params.vehicle, output.contact(&robot, &self.control.bias_r));

@@ -2,7 +2,7 @@
 
 use crate::{
     Error,
-    controller::{Controller, ControllerParams},
+    controller::{Controller, ControllerInput, ControllerOutput, ControllerParams, ControllerState},
     pose_control::PoseGains,
     ring::Ring,
     so3,
@@ -19,8 +19,21 @@ const LONGEST: f64 = 0.1;
 /// Number of ticks that are remembered.
 const TICKS: usize = 64;
 
+/// A step of the controller over a line that is `delay` s late, each way. A function of its own, so that the copy of the
+/// controller takes stack only where a line is late.
+#[inline(never)]
+pub(super) fn step(
+    controller: &Controller,
+    delay: f64,
+    state: &mut ControllerState,
+    input: &ControllerInput,
+    dt: f64,
+) -> ControllerOutput {
+    slowed(controller, delay).as_ref().unwrap_or(controller).step(state, input, dt)
+}
+
 /// The controller for a line that is `delay` s late, each way: its gains are not faster than the delay allows.
-pub(super) fn slowed(controller: &Controller, delay: f64) -> Result<Controller, Error> {
+fn slowed(controller: &Controller, delay: f64) -> Result<Controller, Error> {
     let ControllerParams { pose, observer, .. } = controller.params();
     let lag = controller.vehicle().rotor_time_constant();
     let faster = ((LONGEST + lag) / (2.0 * delay + lag)).max(1.0);
